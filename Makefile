@@ -1,0 +1,48 @@
+# `make` alone prints the commands. `make neurons` and `make test` set everything
+# up themselves: a .venv that is rebuilt when pyproject or constraints change.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+# Recordings: the folder beside the checkout where there is one; otherwise what
+# the user has set, or softnn's own default (a cache folder).
+ifneq ($(wildcard ../shared/data/README.md),)
+export SOFTNN_DATA ?= $(abspath ../shared/data)
+endif
+
+.DEFAULT_GOAL := help
+.PHONY: help install neurons test test-all check ui clean
+
+help:
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+$(STAMP): pyproject.toml constraints.txt
+	rm -rf $(VENV)
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "softnn needs Python 3.11 or newer; try: make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test,bench,dev]'
+	touch $@
+
+install: $(STAMP) ## set up .venv (done by the others when needed)
+
+neurons: $(STAMP) ## the main job: neurons 1-20 by 10-fold cross-validation, into MLflow
+	$(BIN)/python -m studies.neurons $(ARGS)
+
+test: $(STAMP) ## fast tests, about five minutes
+	$(BIN)/python -m pytest -m 'not slow' -n auto
+
+test-all: $(STAMP) ## every test, slow ones too
+	$(BIN)/python -m pytest -n auto
+
+check: $(STAMP) ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+ui: $(STAMP) ## the MLflow UI on http://127.0.0.1:5000
+	$(BIN)/mlflow ui --backend-store-uri sqlite:///mlruns/mlflow.db --host 127.0.0.1 --port 5000
+
+clean: ## remove .venv and caches, keep mlruns
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache *.egg-info

@@ -1,0 +1,1 @@
+"""File -> Recording: one dialect a file; the only place where units change."""

@@ -1,0 +1,181 @@
+"""Recording: one test of one specimen, as numbers, with what was done to them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array, InputError
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What turns load and elongation into stress and strain. None: not known."""
+
+    length_mm: float | None = None
+    area_mm2: float | None = None
+    width_mm: float | None = None
+    thickness_mm: float | None = None
+    diameter_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(
+                    f"geometry {item.name} is {value}; it must be a number above 0"
+                )
+
+    @property
+    def area(self) -> float | None:
+        """Cross-section in mm2: as given, else width x thickness, else a circle."""
+        if self.area_mm2 is not None:
+            return self.area_mm2
+        if self.width_mm is not None and self.thickness_mm is not None:
+            return self.width_mm * self.thickness_mm
+        if self.diameter_mm is not None:
+            return np.pi * self.diameter_mm**2 / 4
+        return None
+
+
+@dataclass(frozen=True)
+class Step:
+    """One entry of a recording's log: a preparation step and its arguments."""
+
+    name: str
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Time, strain and stress of one test, with where they come from.
+
+    Arrays are (n,), float64 and read-only. time_s [s] is finite and never decreases;
+    strain [-] and stress_MPa [MPa] are engineering values, compression negative, and
+    may hold NaN where a value is missing. `rate_per_s` is the nominal strain rate
+    [1/s] of the test's loading; `log` lists what was done since the file was read.
+
+    >>> import numpy as np
+    >>> r = Recording(np.arange(3.0), np.array([0, 0.1, 0.2]), np.array([0, 0.3, 0.5]))
+    >>> r.with_step("scaled", {"by": 2}, stress_MPa=2 * r.stress_MPa).log[-1].name
+    'scaled'
+    """
+
+    time_s: Array
+    strain: Array
+    stress_MPa: Array
+    temperature_C: Array | None = None
+    force_N: Array | None = None
+    elongation_mm: Array | None = None
+    name: str = ""
+    specimen: str = ""
+    material: str = ""
+    test: str = ""
+    rate_per_s: float | None = None
+    geometry: Geometry = Geometry()
+    source: str = ""
+    log: tuple[Step, ...] = ()
+
+    def __post_init__(self) -> None:
+        for column in COLUMNS:
+            values = getattr(self, column)
+            if values is None:
+                continue
+            array = np.array(values, dtype=float)  # a copy: nobody else can change it
+            array.setflags(write=False)
+            object.__setattr__(self, column, array)
+        check_columns(
+            {c: getattr(self, c) for c in COLUMNS if getattr(self, c) is not None},
+            self.source or self.name or None,
+        )
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def columns(self) -> dict[str, Array]:
+        """The channels this recording has, by column name, in a fixed order."""
+        return {c: getattr(self, c) for c in COLUMNS if getattr(self, c) is not None}
+
+    def with_step(
+        self, name: str, arguments: dict[str, Any] | None = None, **changes: Any
+    ) -> Recording:
+        """A changed copy whose log says what was done (`name`) and how."""
+        step = Step(name, dict(arguments or {}))
+        return replace(self, **changes, log=self.log + (step,))
+
+    def take(self, index: slice | np.ndarray) -> Recording:
+        """The samples at `index`, every channel; not logged, the caller does that."""
+        return replace(self, **{c: v[index] for c, v in self.columns.items()})
+
+
+COLUMNS = (
+    "time_s",
+    "strain",
+    "stress_MPa",
+    "temperature_C",
+    "force_N",
+    "elongation_mm",
+)
+REQUIRED = COLUMNS[:3]
+
+
+def check_columns(
+    columns: dict[str, Array], file: str | None = None, first_row: int | None = None
+) -> None:
+    """Raise `InputError` for channels that cannot be a recording.
+
+    `first_row` is the line of the file that holds sample 0, so that the message can
+    name a row; None names the sample instead.
+    """
+
+    def fail(message: str, sample: int | None, column: str) -> None:
+        if sample is not None and first_row is None:
+            message = f"sample {sample}: {message}"
+        row = sample + first_row if sample is not None and first_row else None
+        raise InputError(message, file=file, row=row, column=column)
+
+    time = columns["time_s"]
+    if len(time) == 0:
+        raise InputError("no rows; at least two samples are needed", file=file)
+    if len(time) == 1:
+        raise InputError("one row; at least two samples are needed", file=file)
+    for name, values in columns.items():
+        if values.shape != time.shape:
+            raise InputError(
+                f"{name} has shape {values.shape}, time_s {time.shape}; "
+                "all channels need one value a sample",
+                file=file,
+            )
+        infinite = np.isinf(values)
+        if infinite.any():
+            fail("infinite value; allowed is a number", int(infinite.argmax()), name)
+        if name in REQUIRED and np.isnan(values).all():
+            fail("holds no number at all; check the export", None, name)
+    missing = np.isnan(time)
+    if missing.any():
+        fail("no time; every row needs one", int(missing.argmax()), "time_s")
+    backwards = np.diff(time) < 0
+    if backwards.any():
+        i = int(backwards.argmax()) + 1
+        fail(
+            f"time goes backwards, from {time[i - 1]:.9g} to {time[i]:.9g} s; "
+            "sort the rows or split the file where a new test begins",
+            i,
+            "time_s",
+        )
+
+
+def data_hash(recordings: Iterable[Recording]) -> str:
+    """SHA-256 (hex) over names and channels, the same wherever the files lie."""
+    digest = hashlib.sha256()
+    for recording in recordings:
+        digest.update(recording.name.encode())
+        for column, values in recording.columns.items():
+            digest.update(column.encode())
+            digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    return digest.hexdigest()

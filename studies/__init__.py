@@ -1,0 +1,1 @@
+"""One question a module: `python -m studies.NAME`, `--smoke` in seconds."""
