@@ -1,0 +1,211 @@
+"""Tidy CSV: `time_s,strain,stress_MPa[,temperature_C,force_N,elongation_mm]`.
+
+A folder of them may hold an `index.csv` with a row a recording (`file`, and any of
+`material`, `test`, `rate_per_s`, `specimen`).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from softnn.contracts import InputError
+from softnn.recording import COLUMNS, REQUIRED, Recording, check_columns
+
+MAX_BYTES = 500_000_000  # 10 million samples; anything larger is not one test
+
+
+def data_folder() -> Path:
+    """Where sets of recordings lie: `SOFTNN_DATA`, else a cache folder of the user."""
+    named = os.environ.get("SOFTNN_DATA")
+    if named:
+        return Path(named)
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(cache) / "softnn" / "data"
+
+
+def load(source: str | Path) -> list[Recording]:
+    """Recordings of a tidy CSV, a folder of them, or a set under `data_folder()`."""
+    path = Path(source)
+    if path.is_file():
+        return [read_tidy(path)]
+    if path.is_dir():
+        return read_folder(path)
+    return read_set(str(source))
+
+
+def read_set(name: str) -> list[Recording]:
+    """Recordings of the set `name`, a folder under `data_folder()`."""
+    root = data_folder()
+    known = sorted(p.parent.name for p in root.glob("*/index.csv"))
+    if name not in known:
+        where = f"SOFTNN_DATA is {root}" if "SOFTNN_DATA" in os.environ else str(root)
+        have = ", ".join(known) if known else "none; set SOFTNN_DATA to their folder"
+        raise InputError(
+            f"{name!r} is no file, no folder and no set of recordings ({where}); "
+            f"sets there: {have}"
+        )
+    return read_folder(root / name)
+
+
+def read_folder(folder: str | Path) -> list[Recording]:
+    """Recordings of a folder: as its `index.csv` lists them, else every CSV, by name.
+
+    Raises `InputError` for the first file that cannot be read.
+    """
+    folder = Path(folder)
+    index = folder / "index.csv"
+    if not index.is_file():
+        files = sorted(folder.glob("*.csv"))
+        if not files:
+            raise InputError("no index.csv and no CSV file in it", file=folder)
+        return [read_tidy(file) for file in files]
+    rows = _cells(index)
+    header = rows[0][1]
+    if "file" not in header:
+        raise InputError(
+            f"no column 'file'; it has {header}", file=index, row=1, column="file"
+        )
+    recordings = []
+    for line, cells in rows[1:]:
+        row = dict(zip(header, cells, strict=False))
+        file = (folder / row["file"]).resolve()
+        if not file.is_relative_to(folder.resolve()):
+            raise InputError(
+                f"{row['file']!r} lies outside the folder",
+                file=index,
+                row=line,
+                column="file",
+            )
+        rate = _rate(row.get("rate_per_s", ""), index, line)
+        recording = read_tidy(
+            file,
+            specimen=row.get("specimen", ""),
+            material=row.get("material", ""),
+            test=row.get("test", ""),
+            rate_per_s=rate,
+        )
+        recordings.append(recording)
+    if not recordings:
+        raise InputError("no rows; it lists no recording", file=index)
+    return recordings
+
+
+def read_tidy(path: str | Path, **about: object) -> Recording:
+    """One tidy CSV; `about` fills in fields of `Recording` (specimen, material ...).
+
+    An empty cell is a missing value. Raises `InputError`, with file, row and column,
+    for a missing column, text in a number, time going backwards, no rows, a file that
+    is not UTF-8, or a channel without any number.
+    """
+    path = Path(path)
+    text = read_text(path)
+    try:
+        frame = pd.read_csv(io.StringIO(text), skip_blank_lines=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
+        raise _unreadable(path, text, error) from None
+    frame.columns = [str(c).strip() for c in frame.columns]
+    absent = [c for c in REQUIRED if c not in frame.columns]
+    if absent:
+        raise InputError(
+            f"no such column; it has {', '.join(map(repr, frame.columns)) or 'none'}. "
+            f"Needed: {','.join(REQUIRED)}",
+            file=path,
+            row=1,
+            column=absent[0],
+        )
+    # Trailing blank lines are how some editors end a file, not samples.
+    while len(frame) and frame.iloc[-1].isna().all():
+        frame = frame.iloc[:-1]
+    columns = {c: _numbers(frame[c], path) for c in COLUMNS if c in frame.columns}
+    check_columns(columns, str(path), first_row=2)
+    return Recording(
+        **columns,
+        **{"name": path.stem, "source": str(path), **about},  # type: ignore[arg-type]
+    )
+
+
+def read_text(path: Path) -> str:
+    """The file as UTF-8 text, or one clear line."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"over {MAX_BYTES // 10**6} MB; split it", file=path)
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError("no such file", file=path) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", file=path) from None
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        row = raw[: error.start].count(b"\n") + 1
+        raise InputError(
+            f"byte 0x{raw[error.start]:02x} is not UTF-8; "
+            "for a testing machine's own file use `softnn read`",
+            file=path,
+            row=row,
+        ) from None
+
+
+def _numbers(column: pd.Series, path: Path) -> np.ndarray:
+    values = pd.to_numeric(column, errors="coerce").to_numpy(float)
+    text = np.isnan(values) & column.notna().to_numpy()
+    if text.any():
+        i = int(text.argmax())
+        cell = str(column.iloc[i])[:40]
+        hint = (
+            "; a decimal comma? use a decimal point"
+            if re.fullmatch(r"-?\d+,\d+", cell)
+            else ""
+        )
+        raise InputError(
+            f"{cell!r} is not a number{hint}",
+            file=path,
+            row=i + 2,
+            column=str(column.name),
+        )
+    return values
+
+
+def _unreadable(path: Path, text: str, error: Exception) -> InputError:
+    if not text.strip():
+        return InputError("no rows; the file is empty", file=path)
+    header = next(csv.reader(io.StringIO(text)))
+    for line, cells in enumerate(csv.reader(io.StringIO(text)), start=1):
+        if len(cells) > len(header):
+            return InputError(
+                f"{len(cells)} values under {len(header)} column names",
+                file=path,
+                row=line,
+            )
+    return InputError(f"not a CSV table: {error}", file=path)
+
+
+def _cells(path: Path) -> list[tuple[int, list[str]]]:
+    reader = csv.reader(io.StringIO(read_text(path)))
+    rows = [(reader.line_num, cells) for cells in reader if cells]
+    if not rows:
+        raise InputError("no rows; the file is empty", file=path)
+    return rows
+
+
+def _rate(cell: str, index: Path, line: int) -> float | None:
+    if not cell.strip():
+        return None
+    try:
+        rate = float(cell)
+    except ValueError:
+        rate = math.nan
+    if not math.isfinite(rate):
+        raise InputError(
+            f"{cell[:40]!r} is not a number", file=index, row=line, column="rate_per_s"
+        )
+    return rate
