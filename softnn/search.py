@@ -1,0 +1,293 @@
+"""Searches that survive being stopped: every finished trial is kept, none runs twice.
+
+A trial counts once its result is stored; one that was cut short is marked as failed
+and its parameters are tried again. A search started again therefore ends with the
+same trials as one that was never stopped.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import product
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import optuna
+from optuna.distributions import (
+    BaseDistribution,
+    CategoricalDistribution,
+    FloatDistribution,
+    IntDistribution,
+)
+from optuna.trial import FrozenTrial, TrialState
+
+from softnn.contracts import InputError
+
+optuna.logging.set_verbosity(optuna.logging.WARNING)
+
+Value = int | float | str
+Result = tuple[float, dict[str, Any]]  # what is minimised, and all there is to keep
+Objective = Callable[[dict[str, Any]], Result]
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers from low to high, both included; `log` spaces them by ratio."""
+
+    low: float
+    high: float
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class Finished:
+    """One finished trial; `stored` says that it was there before this search began."""
+
+    number: int
+    parameters: dict[str, Any]
+    value: float
+    result: dict[str, Any]
+    started: datetime
+    ended: datetime
+    stored: bool
+
+
+class Search:
+    """An Optuna study of one objective to be minimised, open for one process.
+
+    Use it as a context. `name` must change with anything that changes results (data,
+    settings, seed): trials under one name are never run again. `storage` is an
+    SQLAlchemy address; missing folders of an SQLite file are made.
+
+    `space` declares every parameter: the values it can take, or a `Range`.
+
+    >>> with Search("sqlite://", "square", {"x": [1, 2, 3]}) as search:
+    ...     done = list(search.grid(lambda p: ((p["x"] - 2) ** 2, {})))
+    >>> min(done, key=lambda trial: trial.value).parameters
+    {'x': 2}
+    """
+
+    def __init__(
+        self,
+        storage: str,
+        name: str,
+        space: Mapping[str, Sequence[Value] | Range],
+        *,
+        seed: int = 0,
+        fresh: bool = False,
+    ) -> None:
+        self.name, self.space, self.seed = name, dict(space), seed
+        self._lock = _Lock(storage, name)
+        try:
+            backend = _backend(storage)
+            if fresh:
+                known = optuna.get_all_study_names(backend)
+                if name in known:
+                    optuna.delete_study(study_name=name, storage=backend)
+            self._study = optuna.create_study(
+                study_name=name, storage=backend, load_if_exists=True
+            )
+            self._stored = {t.number for t in self._trials(TrialState.COMPLETE)}
+            # The lock is held, so whoever was running these is gone.
+            for trial in self._trials(TrialState.RUNNING):
+                self._study.tell(trial.number, state=TrialState.FAIL)
+        except BaseException:
+            self._lock.release()
+            raise
+
+    def __enter__(self) -> Search:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._lock.release()
+
+    @property
+    def finished(self) -> list[Finished]:
+        """All finished trials, oldest first."""
+        return [self._finished(t) for t in self._trials(TrialState.COMPLETE)]
+
+    def remember(self, key: str, value: str) -> str:
+        """The text kept with the search under `key`; `value` if there is none yet."""
+        kept = self._study.user_attrs.get(key)
+        if kept is None:
+            self._study.set_user_attr(key, value)
+        return str(value if kept is None else kept)
+
+    def run(self, parameters: Mapping[str, Value], objective: Objective) -> Finished:
+        """The trial of these parameters: as stored, else run now."""
+        wanted = dict(parameters)
+        for trial in self._trials(TrialState.COMPLETE):
+            if trial.params == wanted:
+                return self._finished(trial)
+        return self._run(_Given(wanted), list(wanted), objective)
+
+    def grid(self, objective: Objective, **fixed: Value) -> Iterator[Finished]:
+        """Every combination of declared values once, the last varying fastest.
+
+        `fixed` holds parameters to one value.
+        """
+        axes = []
+        for name, values in self.space.items():
+            if name in fixed:
+                values = [fixed[name]]
+            if isinstance(values, Range):
+                raise InputError(f"a grid needs values for {name}; {values} has none")
+            axes.append(values)
+        for point in product(*axes):
+            yield self.run(dict(zip(self.space, point, strict=True)), objective)
+
+    def minimise(
+        self, objective: Objective, trials: int, **fixed: Value
+    ) -> Iterator[Finished]:
+        """`trials` trials by tree-structured Parzen estimators, `fixed` held.
+
+        Each draw depends on the seed and the trials finished before it, and on nothing
+        else: a search that was stopped goes on as if it had not been.
+        """
+        done = [
+            trial
+            for trial in self.finished
+            if set(trial.parameters) == set(self.space)
+            and fixed.items() <= trial.parameters.items()
+        ]
+        yield from done[:trials]
+        for count in range(len(done), trials):
+            tpe = optuna.samplers.TPESampler(
+                seed=self.seed + 1_000_003 * count,  # a prime apart: seeds never meet
+                n_startup_trials=min(8, max(2, trials // 3)),
+            )
+            yield self._run(_Given(fixed, tpe), list(self.space), objective)
+
+    def _trials(self, state: TrialState) -> list[FrozenTrial]:
+        return self._study.get_trials(deepcopy=False, states=(state,))
+
+    def _run(
+        self,
+        sampler: optuna.samplers.BaseSampler,
+        names: Sequence[str],
+        objective: Objective,
+    ) -> Finished:
+        space = {name: _distribution(self.space[name]) for name in names}
+        self._study.sampler = sampler
+        trial = self._study.ask(space)
+        try:
+            value, result = objective(dict(trial.params))
+            trial.set_user_attr("result", result)
+        except BaseException:  # ctrl-C too: the trial is not left running
+            self._study.tell(trial, state=TrialState.FAIL)
+            raise
+        return self._finished(self._study.tell(trial, value))
+
+    def _finished(self, trial: FrozenTrial) -> Finished:
+        assert trial.value is not None
+        assert trial.datetime_start is not None
+        assert trial.datetime_complete is not None
+        return Finished(
+            trial.number,
+            dict(trial.params),
+            trial.value,
+            trial.user_attrs["result"],
+            trial.datetime_start,
+            trial.datetime_complete,
+            trial.number in self._stored,
+        )
+
+
+class _Given(optuna.samplers.BaseSampler):
+    """Draws what it was given, the rest from `other`.
+
+    Optuna's own queue of given trials can lose an entry to a kill.
+    """
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Value],
+        other: optuna.samplers.BaseSampler | None = None,
+    ) -> None:
+        self._parameters, self._other = parameters, other
+
+    def infer_relative_search_space(self, *_: Any) -> dict[str, BaseDistribution]:
+        return {}  # parameters are drawn one by one
+
+    def sample_relative(self, *_: Any) -> dict[str, Any]:
+        return {}
+
+    def sample_independent(
+        self, study: Any, trial: Any, param_name: str, param_distribution: Any
+    ) -> Any:
+        if self._other is None or param_name in self._parameters:
+            return self._parameters[param_name]
+        return self._other.sample_independent(
+            study, trial, param_name, param_distribution
+        )
+
+
+class _Lock:
+    """One process a search: an open exclusive SQLite transaction, which the system
+    drops with the process, however it dies."""
+
+    def __init__(self, storage: str, name: str) -> None:
+        self._connection: sqlite3.Connection | None = None
+        file = _sqlite_file(storage)
+        if storage.startswith("sqlite") and file is None:
+            return  # in memory: nobody else can open it
+        folder = file.parent if file else Path(tempfile.gettempdir())
+        folder.mkdir(parents=True, exist_ok=True)
+        self._file = folder / f".{name}.lock"
+        connection = sqlite3.connect(self._file, timeout=0, isolation_level=None)
+        deadline = time.monotonic() + 2  # a process just killed may take a moment
+        while True:
+            try:
+                connection.execute("BEGIN EXCLUSIVE")
+                break
+            except sqlite3.OperationalError as error:
+                if time.monotonic() > deadline:
+                    connection.close()
+                    raise InputError(
+                        f"search {name} is being run by another process ({error}); "
+                        "wait for it to end or stop it"
+                    ) from None
+                time.sleep(0.1)
+        self._connection = connection
+
+    def release(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+            self._file.unlink(missing_ok=True)
+
+
+def _sqlite_file(storage: str) -> Path | None:
+    path = storage.removeprefix("sqlite:///")
+    return Path(path) if path != storage and path and path != ":memory:" else None
+
+
+def _backend(storage: str) -> optuna.storages.BaseStorage:
+    if storage in ("sqlite://", "sqlite:///:memory:"):
+        return optuna.storages.InMemoryStorage()
+    try:
+        return optuna.storages.RDBStorage(storage)
+    except Exception as error:  # SQLAlchemy's own, of many kinds
+        raise InputError(
+            f"storage {storage!r} cannot be opened ({str(error).splitlines()[0]}); "
+            "give an address such as sqlite:///mlruns/optuna.db"
+        ) from None
+
+
+def _distribution(space: Sequence[Value] | Range) -> BaseDistribution:
+    if isinstance(space, Range):
+        return FloatDistribution(space.low, space.high, log=space.log)
+    if all(type(value) is int for value in space):
+        return IntDistribution(min(space), max(space))  # type: ignore[arg-type]
+    return CategoricalDistribution(list(space))
