@@ -1,0 +1,246 @@
+"""A study in MLflow: a parent run, and a nested run for each of its trials.
+
+MLflow mirrors what the search has stored, so it can be written again at any time: a
+run is found by what it stands for and completed, never made twice.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+# Read when mlflow is imported: no study tells anybody that it has been run.
+os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+os.environ.setdefault("DO_NOT_TRACK", "true")
+
+from mlflow.entities import (
+    Dataset,
+    DatasetInput,
+    Experiment,
+    Metric,
+    Param,
+    Run,
+)
+from mlflow.exceptions import MlflowException
+from mlflow.tracking import MlflowClient
+
+from softnn.contracts import InputError
+
+for _library in ("mlflow", "alembic"):
+    logging.getLogger(_library).setLevel(logging.WARNING)
+
+PARENT = "mlflow.parentRunId"  # MLflow's own tags: its UI nests, names and describes
+NAME = "mlflow.runName"  # runs by them
+NOTE = "mlflow.note.content"
+STUDY, IDENTITY, TRIAL = "softnn.study", "softnn.identity", "softnn.trial"
+BATCH = 1000  # metrics that MLflow takes in one call
+
+
+class Tracker:
+    """The parent run of a study, running while the context is open.
+
+    `study` names the settings and the data, `identity` this one carrying-out of it:
+    opened again with the same identity, the same parent run goes on; parent runs of
+    the study left running by others are marked KILLED. `data` names the recordings by
+    their hash. `uri` is an MLflow address; for an SQLite file the artifacts lie in
+    `artifacts/` beside it.
+
+    On an error or ctrl-C the parent run is marked FAILED or KILLED.
+    """
+
+    def __init__(
+        self,
+        uri: str,
+        experiment: str,
+        *,
+        study: str,
+        identity: str,
+        name: str,
+        parameters: Mapping[str, Any],
+        data: tuple[str, str],
+    ) -> None:
+        self._client = _client(uri)
+        self.experiment_id = _experiment(self._client, uri, experiment).experiment_id
+        parent = None
+        for run in self._runs(f"tags.`{STUDY}` = '{study}'"):
+            if run.data.tags.get(IDENTITY) == identity:
+                parent = run
+            elif run.info.status == "RUNNING":
+                self._client.set_terminated(run.info.run_id, "KILLED")
+        if parent is None:
+            tags = {NAME: name, STUDY: study, IDENTITY: identity}
+            parent = self._client.create_run(self.experiment_id, tags=tags)
+        self.run_id: str = parent.info.run_id
+        self._client.update_run(self.run_id, status="RUNNING")
+        self._common = {k: str(v) for k, v in parameters.items()}
+        self._common |= {"data": data[0], "data_sha256": data[1]}
+        self._log(self.run_id, self._common)
+        self._client.log_inputs(self.run_id, [_dataset(*data)])
+        self._nested = {
+            run.data.tags[TRIAL]: run
+            for run in self._runs(f"tags.`{PARENT}` = '{self.run_id}'")
+            if TRIAL in run.data.tags
+        }
+
+    def __enter__(self) -> Tracker:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        status = "FINISHED"
+        if kind is not None:
+            status = "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED"
+        self._client.set_terminated(self.run_id, status)
+
+    def trial(
+        self,
+        name: str,
+        parameters: Mapping[str, Any],
+        metrics: Mapping[str, float | Sequence[float]],
+        *,
+        started: datetime,
+        ended: datetime,
+        tags: Mapping[str, str] | None = None,
+    ) -> str:
+        """Log one finished trial as a nested run, unless it is there; its run id.
+
+        A sequence is logged step by step: one value a fold. `name` stands for the
+        trial: it must be its own within the study.
+        """
+        run = self._nested.get(name)
+        if run is not None and run.info.status == "FINISHED":
+            return run.info.run_id
+        if run is None:
+            about = {NAME: name, TRIAL: name, PARENT: self.run_id, **(tags or {})}
+            run = self._client.create_run(
+                self.experiment_id, start_time=_milliseconds(started), tags=about
+            )
+        run_id: str = run.info.run_id
+        values = {**self._common, **{k: str(v) for k, v in parameters.items()}}
+        self._log(run_id, values, metrics, _milliseconds(ended))
+        self._client.set_terminated(run_id, "FINISHED", end_time=_milliseconds(ended))
+        self._nested[name] = self._client.get_run(run_id)
+        return run_id
+
+    def curve(
+        self, metrics: Mapping[str, Iterable[tuple[int, float]]], ended: datetime
+    ) -> None:
+        """Log metrics of the study against a count, as (count, value) pairs."""
+        time = _milliseconds(ended)
+        points = [
+            Metric(name, float(value), time, step)
+            for name, pairs in metrics.items()
+            for step, value in pairs
+        ]
+        self._write(self.run_id, points)
+
+    def result(
+        self,
+        metrics: Mapping[str, float],
+        *,
+        note: str = "",
+        files: Iterable[Path] = (),
+        texts: Mapping[str, str] | None = None,
+        tags: Mapping[str, str] | None = None,
+    ) -> None:
+        """What the study found: figures, tables (Markdown `note`, file name -> text)
+        and named numbers on the parent run. Logged again, it replaces what was there.
+        """
+        self._log(self.run_id, {}, metrics)
+        for key, value in {NOTE: note, **(tags or {})}.items():
+            self._client.set_tag(self.run_id, key, value)
+        for file in files:
+            self._client.log_artifact(self.run_id, str(file))
+        for name, text in (texts or {}).items():
+            self._client.log_text(self.run_id, text, name)
+
+    def _log(
+        self,
+        run_id: str,
+        parameters: Mapping[str, str],
+        metrics: Mapping[str, float | Sequence[float]] | None = None,
+        time: int | None = None,
+    ) -> None:
+        time = _milliseconds(datetime.now()) if time is None else time
+        points = []
+        for name, values in (metrics or {}).items():
+            steps = values if isinstance(values, Sequence) else [values]
+            points += [Metric(name, float(v), time, i) for i, v in enumerate(steps)]
+        given = [Param(key, value) for key, value in parameters.items()]
+        self._client.log_batch(run_id, params=given)
+        self._write(run_id, points)
+
+    def _write(self, run_id: str, points: list[Metric]) -> None:
+        for i in range(0, len(points), BATCH):
+            self._client.log_batch(run_id, metrics=points[i : i + BATCH])
+
+    def _runs(self, condition: str) -> list[Run]:
+        return list(
+            self._client.search_runs(
+                [self.experiment_id], filter_string=condition, max_results=10_000
+            )
+        )
+
+
+def _client(uri: str) -> MlflowClient:
+    file = _sqlite_file(uri)
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with warnings.catch_warnings():
+            # MLflow uses what its own dependencies have deprecated.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            client = MlflowClient(uri)
+            client.search_experiments(max_results=1)  # connects
+    except Exception as error:  # SQLAlchemy's, requests', MLflow's own
+        first = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(
+            f"tracking {uri!r} cannot be opened ({first}); "
+            "give an address such as sqlite:///mlruns/mlflow.db"
+        ) from None
+    return client
+
+
+def _experiment(client: MlflowClient, uri: str, name: str) -> Experiment:
+    found = client.get_experiment_by_name(name)
+    if found is None:
+        file = _sqlite_file(uri)
+        place = (file.parent / "artifacts" / name).resolve().as_uri() if file else None
+        try:
+            return client.get_experiment(client.create_experiment(name, place))
+        except MlflowException:  # made by another process in between
+            found = client.get_experiment_by_name(name)
+            if found is None:
+                raise
+    if found.lifecycle_stage != "active":
+        raise InputError(
+            f"experiment {name!r} has been deleted in MLflow; restore it there "
+            "or give another --tracking address"
+        )
+    return found
+
+
+def _dataset(name: str, digest: str) -> DatasetInput:
+    # MLflow keeps 36 characters of a digest; the whole of it is a parameter.
+    return DatasetInput(
+        Dataset(name, digest[:36], source_type="softnn", source=name), tags=[]
+    )
+
+
+def _sqlite_file(uri: str) -> Path | None:
+    path = uri.removeprefix("sqlite:///")
+    return Path(path) if path != uri and path else None
+
+
+def _milliseconds(moment: datetime) -> int:
+    return round(moment.timestamp() * 1000)
