@@ -1,0 +1,426 @@
+r"""Recording -> Recording: the eight preparation steps of thesis 4.3.1.1, and cycles.
+
+Each step returns a changed copy whose log names the step, its arguments and what it
+found. Strain and stress are what the steps change; load and elongation stay as the
+machine wrote them (rows that are cut go from every channel). Both signs work:
+compression is turned over, treated as tension and turned back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from softnn.contracts import Array, InputError
+from softnn.recording import Recording
+
+Indices = NDArray[np.intp]
+
+
+def specimen(recording: Recording, samples: int | None = None) -> Recording:
+    """One specimen pulled to failure, ready for a model: steps 2, 4, 6 and 7.
+
+    With `samples` the result has that many points at equal strain steps.
+
+    >>> strain = np.linspace(0, 2, 401)
+    >>> pulled = np.where(strain < 1.8, 3 * strain, 0.0)
+    >>> ready = specimen(Recording(20 * strain, strain, pulled), samples=100)
+    >>> len(ready), round(float(ready.strain[-1]), 2), [s.name for s in ready.log][:2]
+    (100, 1.79, ['cut_failure', 'compensate_toe'])
+    """
+    ready = compensate_toe(cut_failure(_complete(recording)))
+    ready = remove_negative_offset(smooth(ready))
+    return ready if samples is None else resample(ready, samples)
+
+
+# --- steps 1 and 8: load and elongation to stress and strain ---------------------
+
+
+def stress_strain(recording: Recording) -> Recording:
+    """Engineering strain and stress from elongation, load and geometry (step 8)."""
+    if recording.force_N is None or recording.elongation_mm is None:
+        lacking = "force_N" if recording.force_N is None else "elongation_mm"
+        raise InputError(
+            f"no {lacking}; load and elongation are needed for stress and strain",
+            file=recording.source or recording.name or None,
+        )
+    length, area = recording.geometry.length_mm, recording.geometry.area
+    if length is None or area is None:
+        lacking = "length_mm" if length is None else "area (or width and thickness)"
+        raise InputError(
+            f"geometry has no {lacking}; give it to turn load and elongation "
+            "into stress and strain",
+            file=recording.source or recording.name or None,
+        )
+    return recording.with_step(
+        "stress_strain",
+        {"length_mm": length, "area_mm2": area},
+        strain=recording.elongation_mm / length,
+        stress_MPa=recording.force_N / area,
+    )
+
+
+# --- step 2: failure --------------------------------------------------------------
+
+
+def cut_failure(recording: Recording, drop: float = 0.2) -> Recording:
+    r"""Leave out what follows failure.
+
+    Failure is where |stress|, after its peak, falls for good by more than the fraction
+    `drop` of the peak while the strain goes on, or at rest within 1 % of the time so
+    far (a snap, or a machine that stops). A fall while the strain returns
+    is unloading, a slow fall at rest is relaxation: neither is cut. The last sample
+    kept is the last one above ``1 - drop / 4`` of the peak, so that neither noise on a
+    plateau nor a sample caught in mid-fall moves it.
+    """
+    if not 0 < drop < 1:
+        raise InputError(f"drop is {drop}; allowed is a fraction between 0 and 1")
+    x, y = _upright(recording)
+    last = _failure(recording.time_s, x, y, drop)
+    found = {"drop": drop, "removed": len(recording) - 1 - last}
+    return recording.take(slice(0, last + 1)).with_step("cut_failure", found)
+
+
+def _failure(time: Array, x: Array, y: Array, drop: float) -> int:
+    """Index of the last sample to keep."""
+    end, peak = len(y) - 1, float(y.max())
+    if peak <= 0:
+        return end
+    motion = _resolution(x)
+    # A branch that relaxes in 1 % of the time of loading carries next to no load, so
+    # a fall as quick as that is no relaxation.
+    soon = np.searchsorted(time, time + 0.01 * (time - time[0]))
+    soon = np.clip(soon, np.arange(len(y)) + 2, end)
+    later = np.maximum.accumulate(y[::-1])[::-1][soon]  # the most it carries again
+    snaps = (later < y - drop * peak) & (x[soon] >= x - motion)
+    if snaps.any():
+        fall = int(soon[snaps.argmax()])
+        level = float(y[snaps.argmax()])
+    else:
+        fall = int(np.flatnonzero(y >= (1 - drop) * peak)[-1]) + 1
+        level = peak
+    if fall > end:
+        return end
+    kept = int(np.flatnonzero(y[:fall] >= (1 - drop / 4) * level)[-1])
+    returned = x[fall] < x[: fall + 1].max() - 4 * motion
+    advanced = x[fall] > x[kept] + motion
+    return kept if not returned and (snaps.any() or advanced) else end
+
+
+def _resolution(x: Array) -> float:
+    """The least change of `x` that is motion: 0.5 % of its range, or its noise."""
+    return max(5e-3 * float(np.ptp(x)), 3 * noise(x))
+
+
+# --- step 4: toe -------------------------------------------------------------------
+
+
+def compensate_toe(
+    recording: Recording,
+    rise: float = 0.02,
+    within: float = 0.2,
+    share: float = 0.9,
+) -> Recording:
+    r"""Zero strain where the first straight part meets zero load (ASTM D638, annex).
+
+    A chord spans a rise of the load by `rise` of its peak, and its slope is fitted. The
+    straight part begins with the first chord whose slope reaches `share` of the
+    steepest one below `within` of the peak. Its line is drawn to zero load: strain is
+    counted from there, what lies before is left out and what lies between is put on
+    the line, as the standard does.
+
+    Nothing is shifted where there is no toe: when the first chord is as steep as any
+    (a rubber that softens from the start), when the slope still grows at `within` (a
+    curve stiffening throughout: no straight part to extend), or when the line meets
+    zero load before the first sample (a preload is not a toe).
+    """
+    x, y = _upright(recording)
+    begin, shift, modulus = _toe(x, y, rise, within, share)
+    found = {
+        "rise": rise,
+        "within": within,
+        "share": share,
+        "shift": shift,
+        "modulus_MPa": modulus,
+    }
+    if begin == 0:
+        return recording.with_step("compensate_toe", found)
+    sign = _sign(recording)
+    before = int(np.flatnonzero(x[:begin] <= shift)[-1])
+    time = recording.time_s.copy()
+    time[before] += (shift - x[before]) * np.divide(
+        time[before + 1] - time[before], x[before + 1] - x[before]
+    )
+    strain = np.maximum(x - shift, 0)
+    strain[before] = 0
+    stress = np.where(np.arange(len(x)) < begin, modulus * strain, y)
+    shifted = replace(
+        recording, time_s=time, strain=sign * strain, stress_MPa=sign * stress
+    )
+    return shifted.take(slice(before, None)).with_step("compensate_toe", found)
+
+
+def _toe(
+    x: Array, y: Array, rise: float, within: float, share: float
+) -> tuple[int, float, float]:
+    """First sample of the straight part, its strain at zero load, and its slope.
+
+    (0, 0, 0) without a toe.
+    """
+    none = 0, 0.0, 0.0
+    peak = float(y.max())
+    above = np.flatnonzero(y >= within * peak)
+    if peak <= 0 or not above.size or above[0] < 8:
+        return none
+    stop = int(above[0]) + 1
+    level = max(rise * peak, 10 * noise(y[:stop]))
+    ceiling = np.maximum.accumulate(y[: stop + 1])
+    starts = np.flatnonzero(ceiling[:stop] + level <= ceiling[stop - 1])
+    if starts.size < 3:
+        return none
+    ends = np.searchsorted(ceiling, ceiling[starts] + level) + 1
+    ends = np.maximum(ends, starts + 5)
+    slopes, at_zero = _lines(x, y, starts, np.minimum(ends, len(x)))
+    first = int(np.flatnonzero(slopes >= share * slopes.max())[0])
+    # The first chord may straddle the bend; the steepest that starts in it does not.
+    overlapping = np.flatnonzero(starts < ends[first])
+    first += int(slopes[first : overlapping[-1] + 1].argmax())
+    begin, modulus, shift = int(starts[first]), slopes[first], at_zero[first]
+    straight = ceiling[begin] <= 0.5 * (ceiling[0] + within * peak)
+    if begin == 0 or not straight or not x[0] < shift < x[begin]:
+        return none
+    return begin, float(shift), float(modulus)
+
+
+def _lines(x: Array, y: Array, starts: Indices, ends: Indices) -> tuple[Array, Array]:
+    """Least-squares slope of y[start:end], and x where that line meets zero."""
+    sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (x, y, x * x, x * y)]
+    n = ends - starts
+    sx, sy, sxx, sxy = (s[ends] - s[starts] for s in sums)
+    spread = np.maximum(sxx - sx * sx / n, np.finfo(float).tiny)
+    slope = (sxy - sx * sy / n) / spread
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at_zero = sx / n - sy / n / slope
+    return slope, at_zero
+
+
+# --- step 5: one curve from several specimens ----------------------------------------
+
+
+def unify(
+    recordings: Iterable[Recording], samples: int | None = None
+) -> list[Recording]:
+    r"""One mean recording per material, test and strain rate (step 5).
+
+    On a common grid of strain from zero to the mean ultimate strain the *increments* of
+    stress are averaged over the specimens still whole, and summed. Where all of them
+    are, that is the plain mean; where the shorter ones have failed, the curve goes on
+    without the jump a plain mean makes there (the thesis's Fig. 4.5).
+
+    `samples` is the number of grid points, by default the median of the specimens'.
+    Rates within 10 % of each other are one rate. Specimens are taken as prepared.
+    """
+    return [_mean(group, samples) for group in by_group(recordings, "test specimens")]
+
+
+def by_group(recordings: Iterable[Recording], what: str = "") -> list[list[Recording]]:
+    """Recordings of the same material, test and strain rate (within 10 %) together."""
+    groups: list[list[Recording]] = []
+    ordered = sorted(
+        recordings, key=lambda r: (r.material, r.test, r.rate_per_s or 0.0)
+    )
+    for recording in ordered:
+        if groups and _alike(groups[-1][0], recording):
+            groups[-1].append(recording)
+        else:
+            groups.append([recording])
+    if not groups:
+        raise InputError(f"no {what or 'recordings'}; at least one is needed")
+    return groups
+
+
+def _alike(a: Recording, b: Recording) -> bool:
+    rates = a.rate_per_s or 0.0, b.rate_per_s or 0.0
+    same = (a.material, a.test) == (b.material, b.test)
+    return same and rates[1] <= 1.1 * rates[0]
+
+
+def _mean(group: Sequence[Recording], samples: int | None) -> Recording:
+    sign = _sign(group[0])
+    curves = [_rising(r) for r in group]
+    ends = np.array([x[-1] for x, _, _ in curves])
+    number = samples or int(np.median([len(r) for r in group]))
+    grid = np.linspace(0, ends.mean(), max(number, 2))
+    stress, time = (_mean_curve(grid, [(c[0], c[i]) for c in curves]) for i in (1, 2))
+    first = group[0]
+    note = {
+        "specimens": [r.name for r in group],
+        "samples": len(grid),
+        "ultimate_strain": [float(sign * e) for e in ends],
+        "whole_at_the_end": int(np.sum(ends >= grid[-1] * (1 - 1e-12))),
+    }
+    rate = "" if first.rate_per_s is None else f" {first.rate_per_s:.3g}/s"
+    mean = Recording(
+        np.maximum.accumulate(time),
+        sign * grid,
+        sign * stress,
+        name=f"{first.material or first.name}{rate} mean",
+        specimen=f"mean of {len(group)}",
+        material=first.material,
+        test=first.test,
+        rate_per_s=first.rate_per_s,
+        source=first.source,
+    )
+    return mean.with_step("unify", note)
+
+
+def _mean_curve(grid: Array, curves: Sequence[tuple[Array, Array]]) -> Array:
+    """Mean of the curves' increments over those that reach, summed from the start."""
+    rows = np.array([np.interp(grid, x, v - v[0], right=np.nan) for x, v in curves])
+    # A last point that misses the end of the grid by rounding is the end.
+    longest = max(range(len(curves)), key=lambda i: curves[i][0][-1])
+    if np.isnan(rows[longest, -1]):
+        rows[longest, -1] = curves[longest][1][-1] - curves[longest][1][0]
+    start = np.mean([v[0] for _, v in curves])
+    steps = np.nanmean(np.diff(rows, axis=1), axis=0)
+    return start + np.concatenate([[0.0], np.cumsum(steps)])
+
+
+# --- steps 6 and 7: noise and offset -------------------------------------------------
+
+
+def smooth(
+    recording: Recording, portion: float = 0.1, order: int = 2, force: bool = False
+) -> Recording:
+    """Savitzky-Golay over the samples of one second, for noisy recordings (step 6).
+
+    Noisy is a recording with `peak_to_peak` above zero in the first `portion` of its
+    samples, as the thesis has it. Nothing is done to others unless `force`, nor where
+    one second holds too few samples for the polynomial of `order`.
+    """
+    initial = max(int(portion * len(recording)), 3)
+    level = peak_to_peak(recording.stress_MPa[:initial])
+    window = _one_second(recording.time_s)
+    window = min(window, len(recording) - 1 + len(recording) % 2)
+    applied = (level > 0 or force) and window > order + 1
+    found = {
+        "peak_to_peak_MPa": level,
+        "window": window if applied else 0,
+        "order": order,
+    }
+    if not applied:
+        return recording.with_step("smooth", found)
+    y = savgol_filter(recording.stress_MPa, window, order)
+    return recording.with_step("smooth", found, stress_MPa=y)
+
+
+def peak_to_peak(values: Array) -> float:
+    """Mean absolute difference between successive peaks and troughs; 0 without any.
+
+    >>> peak_to_peak(np.array([0, 2.0, 1.0, 3.0, 4.0])), peak_to_peak(np.arange(9.0))
+    (1.0, 0.0)
+    """
+    known = values[~np.isnan(values)]
+    steps = np.diff(known)
+    moves = np.flatnonzero(steps)
+    turns = moves[1:][np.diff(np.sign(steps[moves])) != 0]
+    if turns.size < 2:
+        return 0.0
+    return float(np.abs(np.diff(known[turns])).mean())
+
+
+def _one_second(time_s: Array) -> int:
+    """Samples in one second, odd, counted by the median step."""
+    step = float(np.median(np.diff(time_s)))
+    count = round(1 / step) if step > 0 else len(time_s)
+    return count - 1 + count % 2
+
+
+def remove_negative_offset(recording: Recording) -> Recording:
+    """Lift a curve that starts below zero load to zero (step 7); others stay."""
+    sign = _sign(recording)
+    offset = min(0.0, float(sign * recording.stress_MPa[0]))
+    return recording.with_step(
+        "remove_negative_offset",
+        {"offset_MPa": offset},
+        stress_MPa=recording.stress_MPa - sign * offset,
+    )
+
+
+def noise(values: Array) -> float:
+    """Standard deviation of white noise on a smooth signal, from second differences.
+
+    Robust: the median does not see jumps. Second differences of white noise have six
+    times its variance.
+    """
+    if len(values) < 5:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(np.diff(values, 2))) / np.sqrt(6))
+
+
+def resample(recording: Recording, samples: int) -> Recording:
+    """`samples` points at equal strain steps; a strain that turns back is skipped."""
+    if samples < 2:
+        raise InputError(f"samples is {samples}; at least 2 are needed")
+    sign = _sign(recording)
+    x = sign * recording.strain
+    forward = _forward(x)
+    grid = np.linspace(x[forward[0]], x[forward[-1]], samples)
+    columns = {
+        name: np.interp(grid, x[forward], values[forward])
+        for name, values in recording.columns.items()
+        if name != "strain"
+    }
+    return recording.with_step(
+        "resample", {"samples": samples}, strain=sign * grid, **columns
+    )
+
+
+# --- small tools ----------------------------------------------------------------------
+
+
+def _complete(recording: Recording) -> Recording:
+    """Without samples that lack strain or stress."""
+    whole = ~(np.isnan(recording.strain) | np.isnan(recording.stress_MPa))
+    if whole.all():
+        return recording
+    if whole.sum() < 2:
+        raise InputError(
+            "fewer than two samples have both strain and stress",
+            file=recording.source or recording.name or None,
+        )
+    removed = {"removed": int((~whole).sum())}
+    return recording.take(whole).with_step("drop_missing", removed)
+
+
+def _sign(recording: Recording) -> float:
+    """-1 for a recording whose largest stress is compressive, else 1."""
+    y = recording.stress_MPa
+    return -1.0 if -np.nanmin(y) > np.nanmax(y) else 1.0
+
+
+def _upright(recording: Recording) -> tuple[Array, Array]:
+    """Strain and stress with the main direction of loading positive."""
+    sign = _sign(recording)
+    return sign * recording.strain, sign * recording.stress_MPa
+
+
+def _forward(x: Array) -> Indices:
+    """Samples at which `x` goes beyond all earlier ones."""
+    before = np.concatenate([[-np.inf], np.maximum.accumulate(x)[:-1]])
+    forward = np.flatnonzero(x > before)
+    if forward.size < 2:
+        raise InputError("the strain never grows; a loading curve is needed")
+    return forward
+
+
+def _rising(recording: Recording) -> tuple[Array, Array, Array]:
+    """Strain (growing), stress and time from its start, of a loading curve."""
+    x, y = _upright(recording)
+    forward = _forward(x)
+    time = recording.time_s[forward] - recording.time_s[forward[0]]
+    return x[forward], y[forward], time
