@@ -1,0 +1,180 @@
+r"""Maxwell branches in parallel, driven by strain: the recursion behind every model.
+
+The stress :math:`\sigma_j` of a branch obeys
+:math:`\dot\sigma_j + \sigma_j/\tau_j = k_j \dot\varepsilon`. Two updates over a step
+:math:`\Delta t`, with :math:`x = \Delta t/\tau_j`, both of the form
+:math:`\sigma_j \leftarrow a\,\sigma_j + b\,k_j\,\Delta\varepsilon`:
+
+- ``exact``: :math:`a = e^{-x}`, :math:`b = (1 - e^{-x})/x`, exact for strain that is
+  linear between samples (Taylor, Pister and Goudreau 1970,
+  doi:10.1002/nme.1620020106);
+- ``euler``: :math:`a = b = 1/(1 + x)`, implicit Euler, the finite-difference form of
+  the thesis (eq. 5.6), first order in :math:`\Delta t`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from softnn.contracts import Array, Chunk, InputError
+
+Update = Literal["exact", "euler"]
+UPDATES = ("exact", "euler")
+BLOCK = 64  # samples a matrix product takes at once; 32 to 128 are equally fast
+FEW = 4  # steps below which plain NumPy is faster than either fast route
+
+
+class BranchState(NamedTuple):
+    """Where a chunk ended: its last time and strain, and the stress of each branch."""
+
+    time_s: float
+    strain: Array  # (1,) or (sets,)
+    stress: Array  # (sets, branches)
+
+
+def check_update(update: str) -> None:
+    if update not in UPDATES:
+        raise InputError(f"update is {update!r}; allowed is one of {list(UPDATES)}")
+
+
+def history(
+    time_s: Array, strain: Array, before: float | None
+) -> tuple[Array, Array, Array]:
+    """Time (n,), strain (n, 1 or sets) and steps (n,) of a chunk, checked.
+
+    The first step is the time since `before`, or 0 where nothing came before.
+    """
+    time = np.asarray(time_s, dtype=float)
+    columns = np.asarray(strain, dtype=float)
+    if columns.ndim == 1:
+        columns = columns[:, None]
+    if time.ndim != 1 or columns.ndim != 2 or len(time) != len(columns):
+        raise InputError(
+            f"time_s has shape {time.shape}, strain {np.shape(strain)}; "
+            "allowed is (n,) with (n,) or (n, sets)"
+        )
+    if not len(time):
+        raise InputError("a chunk of no samples; at least one is needed")
+    if not np.isfinite(columns).all():
+        sample = int(np.argmin(np.isfinite(columns).all(axis=1)))
+        raise InputError(
+            f"strain of sample {sample} is no number; a model needs every strain: "
+            "fill the gap or cut the recording there"
+        )
+    steps = np.empty(len(time))
+    steps[0] = 0.0 if before is None else time[0] - before
+    np.subtract(time[1:], time[:-1], out=steps[1:])
+    if not (steps >= 0).all():  # NaN is bad too
+        sample = int(np.argmin(steps >= 0))
+        raise InputError(f"time goes backwards at sample {sample} of the chunk")
+    return time, columns, steps
+
+
+def coefficients(step_s: Array | float, time: Array, update: Update) -> tuple:
+    """Decay `a` and gain `b` of each branch over a step."""
+    x = np.asarray(step_s / time)
+    if update == "euler":
+        decay = 1 / (1 + x)
+        return decay, decay
+    with np.errstate(invalid="ignore"):
+        gain = np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0)
+    return np.exp(-x), gain
+
+
+def respond(
+    stiffness: Array,
+    relaxation_time: Array,
+    chunk: Chunk,
+    state: BranchState | None,
+    update: Update = "exact",
+) -> tuple[Array, BranchState]:
+    """Summed branch stress (n, sets) over a chunk, MPa, and the state at its end.
+
+    stiffness [MPa] and relaxation_time [s] are (sets, branches); the branches see
+    `chunk.branch_strain`, or `chunk.strain` where that is None.
+    """
+    given = chunk.strain if chunk.branch_strain is None else chunk.branch_strain
+    time, strain, steps = history(
+        chunk.time_s, given, None if state is None else state.time_s
+    )
+    before = np.zeros(1) if state is None else state.strain
+    sets = max(strain.shape[1], stiffness.shape[0])
+    shape = (sets, stiffness.shape[1])
+    k = np.ascontiguousarray(np.broadcast_to(stiffness, shape))
+    tau = np.ascontiguousarray(np.broadcast_to(relaxation_time, shape))
+    carried = (
+        np.zeros(shape)
+        if state is None
+        else np.array(np.broadcast_to(state.stress, shape))
+    )
+    out = np.zeros((len(time), sets))
+    if shape[1]:
+        increments = np.diff(strain, axis=0)
+        a, b = coefficients(steps[0], tau, update)
+        carried = a * carried + b * k * (strain[0] - before)[:, None]
+        out[0] = carried.sum(axis=1)
+        rest = steps[1:]
+        if len(rest) <= FEW:
+            for i, step in enumerate(rest):
+                a, b = coefficients(step, tau, update)
+                carried = a * carried + b * k * increments[i][:, None]
+                out[i + 1] = carried.sum(axis=1)
+        elif evenly(time):
+            step = (time[-1] - time[0]) / len(rest)
+            a, b = coefficients(step, tau, update)
+            for s in range(sets):
+                column = increments[:, min(s, increments.shape[1] - 1)]
+                carried[s] = _blocked(a[s], b[s] * k[s], column, carried[s], out[1:, s])
+        else:
+            from softnn.models.kernels import irregular
+
+            irregular(rest, increments, k, tau, update == "exact", carried, out[1:])
+    return out, BranchState(float(time[-1]), strain[-1].copy(), carried)
+
+
+def evenly(time_s: Array) -> bool:
+    """Whether the steps are constant, to the rounding of the times themselves."""
+    n = len(time_s)
+    even = np.linspace(time_s[0], time_s[-1], n)
+    if not even[-1] > even[0]:
+        return False
+    even -= time_s
+    scale = max(abs(time_s[0]), abs(time_s[-1]))
+    return bool(np.abs(even, out=even).max() <= 4 * np.finfo(float).eps * scale)
+
+
+def _blocked(a: Array, b: Array, increment: Array, carried: Array, out: Array) -> Array:
+    """Constant steps: every branch at once, by matrix products over blocks of samples.
+
+    Within a block the summed response is one triangular Toeplitz product; only what
+    each branch carries from block to block is a recursion, over n / BLOCK values.
+    Several times faster than a recursion per branch, and exact to rounding. Fills
+    `out` (n,) and gives the carried stresses (branches,) at the end.
+    """
+    n = len(increment)
+    length = min(BLOCK, n)
+    blocks = -(-n // length)
+    padded = np.zeros(blocks * length)
+    padded[:n] = increment
+    jumps = padded.reshape(blocks, length)
+    powers = a[:, None] ** np.arange(length + 1)  # (branches, length + 1)
+    impulse = b @ powers[:, :length]
+    lag = np.arange(length)[:, None] - np.arange(length)
+    toeplitz = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
+    fresh = jumps @ (b[:, None] * powers[:, length - 1 :: -1]).T  # (blocks, branches)
+    start = np.empty((blocks, len(a)))  # carried into each block
+    start[0] = carried
+    for j, decay in enumerate(powers[:, length]):
+        if blocks > 1:
+            start[1:, j], _ = lfilter(
+                [1.0], [1.0, -decay], fresh[:-1, j], zi=[decay * carried[j]]
+            )
+    response = jumps @ toeplitz.T
+    response += start @ powers[:, 1:]
+    out[:] = response.ravel()[:n]
+    last = n - (blocks - 1) * length  # samples in the last block
+    tail = b * (powers[:, last - 1 :: -1] @ jumps[-1, :last])
+    return powers[:, last] * start[-1] + tail
