@@ -110,7 +110,8 @@ class Recording:
 
     def take(self, index: slice | np.ndarray) -> Recording:
         """The samples at `index`, every channel; not logged, the caller does that."""
-        return replace(self, **{c: v[index] for c, v in self.columns.items()})
+        channels: dict[str, Any] = {c: v[index] for c, v in self.columns.items()}
+        return replace(self, **channels)
 
 
 COLUMNS = (

@@ -12,6 +12,7 @@ import math
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -126,10 +127,8 @@ def read_tidy(path: str | Path, **about: object) -> Recording:
         frame = frame.iloc[:-1]
     columns = {c: _numbers(frame[c], path) for c in COLUMNS if c in frame.columns}
     check_columns(columns, str(path), first_row=2)
-    return Recording(
-        **columns,
-        **{"name": path.stem, "source": str(path), **about},  # type: ignore[arg-type]
-    )
+    fields: dict[str, Any] = {"name": path.stem, "source": str(path), **about}
+    return Recording(**columns, **fields)
 
 
 def read_text(path: Path) -> str:
