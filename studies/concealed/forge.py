@@ -219,7 +219,9 @@ def draw_programmes(
         names.remove(str(rng.choice([n for n in names if n != "sine"])))
     elif rng.random() < 0.2:
         names.append(str(rng.choice(["growing", "staircase", "ramp-medium"])))
-    interval = float(np.exp(rng.uniform(*np.log((0.02, 0.05) if quick else (0.03, 0.1)))))
+    interval = float(
+        np.exp(rng.uniform(*np.log((0.02, 0.05) if quick else (0.03, 0.1))))
+    )
     clocks = ["jittered", "gappy"] if order.dirty else ["steady", "two-speed"]
     result = []
     for name in rng.permutation(names):
@@ -242,7 +244,9 @@ def draw_temperatures(
         t = p.time_s
         waves = sum(
             rng.uniform(0.2, 0.5)
-            * np.sin(2 * np.pi * t / rng.uniform(0.6, 2.5) / t[-1] + rng.uniform(0, 6.3))
+            * np.sin(
+                2 * np.pi * t / rng.uniform(0.6, 2.5) / t[-1] + rng.uniform(0, 6.3)
+            )
             for _ in range(2)
         )
         curves.append(np.asarray(waves) + rng.uniform(-0.7, 0.7))
@@ -343,16 +347,14 @@ def forge_case(order: Order) -> Forged:
         toml += ["", "[specimen]"]
         toml += [f'{n} = "{s}"' for n, s in zip(tables, setting.specimens, strict=True)]
 
-    choices = None if order.simulated else oracle_designs(setting)
+    base = None if order.simulated else oracle_refit(setting)
     times = [p.time_s[p.index] for p in programmes]
-    left = absorbed(choices, clean, off, profile, setting, pieces)
+    left = absorbed(base, clean, off, profile, setting, pieces)
     effects = {}
     for one in planted:
         without = setting.sampled(setting.run([p for p in planted if p is not one]))
         moved = clean - without
-        energy = oracle.visible_energy(
-            choices or [], moved, times, profile, noise.correlation_s
-        )
+        energy = oracle.visible_energy(base, moved, times, profile, noise.correlation_s)
         effects[one.effect] = {
             "form": one.form,
             "parameters": one.parameters,
@@ -385,7 +387,9 @@ def forge_case(order: Order) -> Forged:
             "sigma_MPa": noise.sigma_MPa,
             "correlation_s": noise.correlation_s,
         },
-        "noise_nrmse": float(np.sqrt(np.sum((written - clean) ** 2) / np.sum(written**2))),
+        "noise_nrmse": float(
+            np.sqrt(np.sum((written - clean) ** 2) / np.sum(written**2))
+        ),
         "planted": effects,
         "acts": [
             runs(np.abs((clean - off)[a:b]) > 2 * profile[a:b]) for a, b in pieces
@@ -414,7 +418,7 @@ def degrees(planted: Planted) -> int:
     return max([1, *(len(v) for v in lists)])
 
 
-def oracle_designs(setting: Setting) -> list[Array]:
+def oracle_refit(setting: Setting) -> oracle.Refit:
     """What the named model can choose from, knowing the history before a recording."""
     before: list[Array] = []
     past = np.zeros(0)
@@ -422,11 +426,12 @@ def oracle_designs(setting: Setting) -> list[Array]:
         before.append(past)
         if setting.continued:
             past = np.concatenate([past, strain])
-    return oracle.designs(setting.model, setting.programmes, before)
+    times = [t for _, t in setting.base.branches]
+    return oracle.refit(setting.model, setting.programmes, before, times)
 
 
 def absorbed(
-    choices: list[Array] | None,
+    base: oracle.Refit | None,
     clean: Array,
     off: Array,
     profile: Array,
@@ -434,13 +439,13 @@ def absorbed(
     pieces: Sequence[tuple[int, int]],
 ) -> Array:
     """What a refit of the base leaves of the clean stress (n,), MPa."""
-    if choices is None:
+    if base is None:
         return clean - off
     # The scatter between specimens is never news: it is taken out beforehand.
     gain = np.concatenate(
         [np.full(b - a, g) for g, (a, b) in zip(setting.gains, pieces, strict=True)]
     )
-    return oracle.absorb(choices, clean / gain, profile) * gain
+    return oracle.absorb(base, clean / gain, profile) * gain
 
 
 def runs(mask: np.ndarray) -> list[list[int]]:

@@ -45,13 +45,17 @@ CARREAU, GAROFALO = 0, 1
 
 
 @njit(cache=True)
-def flow_rate(stress: float, law: int, scale: float, time: float, power: float) -> float:
+def flow_rate(
+    stress: float, law: int, scale: float, time: float, power: float
+) -> float:
     """Relaxation rate of stress, MPa/s: stress/time at small stress, then faster."""
     x = stress / scale
     if law == CARREAU:
         return stress / time * (1.0 + x * x) ** power
     # Garofalo's sinh**n flows with x**n at first: add the linear creep of the rest.
-    return stress / time + scale / time * np.sign(x) * np.sinh(min(abs(x), 30.0)) ** power
+    return (
+        stress / time + scale / time * np.sign(x) * np.sinh(min(abs(x), 30.0)) ** power
+    )
 
 
 @njit(cache=True)

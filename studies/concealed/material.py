@@ -170,7 +170,12 @@ def nonlinear_viscosity(c: Context) -> Planted:
     return Planted(
         "nonlinear_viscosity",
         form,
-        {"stiffness_MPa": stiffness, "scale_MPa": scale, "time_s": time, "power": power},
+        {
+            "stiffness_MPa": stiffness,
+            "scale_MPa": scale,
+            "time_s": time,
+            "power": power,
+        },
         parts=parts,
     )
 

@@ -1,14 +1,15 @@
 """What a refit of the base absorbs, and whether the rest can be seen at all.
 
 The refit here is more generous than any base softnn has: 16 equal strain segments
-where the model is piecewise linear, 22 relaxation times where it has branches, signs
-free. An effect whose trace lies in that space, or under the noise, cannot be found by
+where the model is piecewise linear, 22 relaxation times and the true ones where it has
+branches, signs free. An effect whose trace lies in that space, or under the noise, cannot be found by
 anybody from these recordings; that is a miss of the programmes, not of a diagnosis.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
@@ -19,66 +20,90 @@ from studies.concealed.programmes import Array, Imposed
 
 SEGMENTS = 16
 TIMES_S = np.geomspace(0.05, 600.0, 22)
+FINE_TIMES_S = np.geomspace(0.05, 600.0, 70)  # where a model has one branch only
 FALSE_ALARM = 0.01
+
+
+@dataclass(frozen=True)
+class Refit:
+    """What a base can move: its springs (n, k) and unit branches (n, m).
+
+    `single`: of the branches it has one, whose time it chooses; else all at once.
+    Rows are the samples of all recordings.
+    """
+
+    springs: Array
+    branches: Array
+    single: bool
+
+    @property
+    def columns(self) -> Array:
+        return np.column_stack([self.springs, self.branches])
+
+    def choices(self) -> list[list[int]]:
+        """Columns that may be used together."""
+        k, m = self.springs.shape[1], self.branches.shape[1]
+        if self.single:
+            return [[*range(k), k + j] for j in range(m)]
+        return [list(range(k + m))]
 
 
 def springs(strain: Array, low: float, high: float, segments: int) -> Array:
     """Unit springs (n, k), each active over its own strain segment."""
     width = high / segments
-    knots = np.arange(segments) * width
-    columns = [np.clip(strain - k, 0, width) for k in knots]
+    columns = [np.clip(strain - k * width, 0, width) for k in range(segments)]
     if low < -1e-6:
         columns += [np.clip(strain - k, low / 3, 0) for k in (0, low / 3, 2 * low / 3)]
     return np.column_stack(columns)
 
 
-def designs(
-    model: str, programmes: Sequence[Imposed], start: Sequence[Array]
-) -> list[Array]:
-    """Design matrices (samples of all recordings, k) that the model may choose from.
+def refit(
+    model: str,
+    programmes: Sequence[Imposed],
+    before: Sequence[Array],
+    times_s: Sequence[float],
+) -> Refit:
+    """What `model` can move. `times_s`: the true relaxation times, offered as well.
 
-    `start` is the fine strain before each recording (empty on a virgin specimen), so
+    `before` is the fine strain before each recording (empty on a virgin specimen), so
     that branches know what went before.
     """
     strain = np.concatenate([p.strain[p.index] for p in programmes])
-    piecewise = model.startswith("pl-")
-    low, high = float(strain.min()), float(strain.max())
-    fixed = (
-        springs(strain, low, high, SEGMENTS) if piecewise else strain[:, np.newaxis]
-    )
-    if model == "hooke":
-        return [fixed]
-    branches = np.column_stack(
-        [
-            np.concatenate(
-                [
-                    maxwell(np.concatenate([s, p.strain]), t)[len(s) :][p.index]
-                    for s, p in zip(start, programmes, strict=True)
-                ]
-            )
-            for t in TIMES_S
-        ]
-    )
-    if model.endswith("sls"):
-        return [np.column_stack([fixed, b]) for b in branches.T]
-    return [np.column_stack([fixed, branches])]
+    fixed = strain[:, np.newaxis]
+    if model.startswith("pl-"):
+        fixed = springs(strain, float(strain.min()), float(strain.max()), SEGMENTS)
+    single = model.endswith("sls")
+    grid = np.zeros(0) if model == "hooke" else FINE_TIMES_S if single else TIMES_S
+    if model != "hooke":
+        grid = np.concatenate([grid, times_s])
+    branches = [
+        np.concatenate(
+            [
+                maxwell(np.concatenate([b, p.strain]), t)[len(b) :][p.index]
+                for b, p in zip(before, programmes, strict=True)
+            ]
+        )
+        for t in grid
+    ]
+    return Refit(fixed, np.array(branches).reshape(len(grid), len(strain)).T, single)
 
 
-def absorb(choices: Sequence[Array], stress: Array, sigma: Array) -> Array:
+def absorb(base: Refit, stress: Array, sigma: Array) -> Array:
     """Residual (n,) of the best non-negative refit of the base to `stress`, MPa."""
-    best = stress
-    for design in choices:
-        # Reduced by QR: the fit is of k + 1 rows instead of n.
-        q, r = np.linalg.qr(design / sigma[:, np.newaxis])
-        coefficients, _ = nnls(r, q.T @ (stress / sigma), maxiter=400)
-        residual = stress - design @ coefficients
-        if np.sum((residual / sigma) ** 2) < np.sum((best / sigma) ** 2):
-            best = residual
+    columns = base.columns
+    # Reduced by QR: the fits are of as many rows as there are columns.
+    q, r = np.linalg.qr(columns / sigma[:, np.newaxis])
+    target = q.T @ (stress / sigma)
+    best, least = stress, np.inf
+    for use in base.choices():
+        coefficients, left = nnls(r[:, use], target, maxiter=20 * len(use))
+        if left < least:
+            best, least = stress - columns[:, use] @ coefficients, left
     return best
 
 
 def visible_energy(
-    choices: Sequence[Array],
+    base: Refit | None,
     difference: Array,
     time_s: Sequence[Array],
     sigma: Array,
@@ -87,17 +112,17 @@ def visible_energy(
     """Squared size of `difference` (n,) outside the base's span, in noise units.
 
     Noncentrality of the likelihood-ratio test that is told the true form. Coloured
-    noise is whitened recording by recording.
+    noise is whitened recording by recording. Without a base all of it counts.
     """
-    energy = np.inf
-    for design in choices or [np.zeros((len(difference), 0))]:
-        rows = np.column_stack([design, difference]) / sigma[:, np.newaxis]
-        if correlation_s > 0:
-            rows = whiten(rows, time_s, correlation_s)
-        design, target = rows[:, :-1], rows[:, -1]
-        if design.shape[1]:
-            target = target - design @ np.linalg.lstsq(design, target, rcond=1e-9)[0]
-        energy = min(energy, float(np.sum(target**2)))
+    columns = base.columns if base else np.zeros((len(difference), 0))
+    rows = np.column_stack([columns, difference]) / sigma[:, np.newaxis]
+    if correlation_s > 0:
+        rows = whiten(rows, time_s, correlation_s)
+    r = np.linalg.qr(rows, mode="r")
+    target, energy = r[:, -1], np.inf
+    for use in base.choices() if base else [[]]:
+        fitted = r[:, use] @ np.linalg.lstsq(r[:, use], target, rcond=1e-9)[0]
+        energy = min(energy, float(np.sum((target - fitted) ** 2)))
     return energy
 
 
@@ -126,5 +151,7 @@ def adequate(base: Base, programmes: Sequence[Imposed], sigma: float) -> bool:
     strain = np.concatenate([p.strain[p.index] for p in programmes])
     stress = base.spring(strain)
     design = springs(strain, float(strain.min()), float(strain.max()), SEGMENTS)
-    left = absorb([design], stress, np.ones_like(stress))
+    left = absorb(
+        Refit(design, np.zeros((len(stress), 0)), False), stress, np.ones_like(stress)
+    )
     return bool(np.sqrt(np.mean(left**2)) < 0.2 * sigma)

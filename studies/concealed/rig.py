@@ -18,9 +18,7 @@ def slack(c: Context) -> Planted:
         gap = gaps[i]
         if form == "crimped":  # fibres of scattered length come taut one by one
             w = width * gap
-            return w * (
-                np.logaddexp(0, (strain - gap) / w) - np.logaddexp(0, -gap / w)
-            )
+            return w * (np.logaddexp(0, (strain - gap) / w) - np.logaddexp(0, -gap / w))
         w = 4 * width * gap
         x = np.clip(strain - gap + w / 2, 0, None)
         return np.where(x < w, x**2 / (2 * w), x - w / 2)

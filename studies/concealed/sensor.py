@@ -109,7 +109,8 @@ def zero_offset(c: Context) -> Planted:
 def gain_error(c: Context) -> Planted:
     """A scale error of 6-15 % in a third of the recordings."""
     gains = {
-        i: 1 + c.amount(0.06, 0.15) * float(c.rng.choice([-1, 1])) for i in c.some(1 / 3)
+        i: 1 + c.amount(0.06, 0.15) * float(c.rng.choice([-1, 1]))
+        for i in c.some(1 / 3)
     }
 
     def sensor(i: int, programme: Imposed, stress: Array) -> Array:
@@ -134,7 +135,9 @@ def load_cell_saturation(c: Context) -> Planted:
         else:
             w = 1 / sharpness
             over = np.maximum(x - 1 + w, 0)
-            kept = np.where(over > 0, (1 - w - w * np.expm1(-over / w)) / (x + 1e-300), 1)
+            kept = np.where(
+                over > 0, (1 - w - w * np.expm1(-over / w)) / (x + 1e-300), 1
+            )
         return stress * kept
 
     return Planted(

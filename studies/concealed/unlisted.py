@@ -130,7 +130,9 @@ def breathing(c: Context, size: float) -> Planted:
         turn = 2 * np.pi * programme.time_s / period + phase
         return stress * (1 + size * np.sin(turn))
 
-    return Planted("breathing", "periodic stiffness", {"period_s": period}, sensor=sensor)
+    return Planted(
+        "breathing", "periodic stiffness", {"period_s": period}, sensor=sensor
+    )
 
 
 def knocks(c: Context, size: float) -> Planted:
