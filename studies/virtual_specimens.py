@@ -21,6 +21,7 @@ from softnn.materials import MATERIALS, Material, data_path, material, table
 # relaxation test still shows to what is over within its first quarter of an hour.
 BRANCH_TIMES = tuple(float(f"{t:.2g}") for t in np.logspace(-1, 2.5, 8))
 SMALL = (0.02, 0.15)  # strain range of E_small
+STARTS = 1
 LARGE = (0.25, 0.75)  # strain range of E_large, from the yield point to the end
 
 
@@ -34,48 +35,72 @@ def calibrate(name: str) -> virtual.Calibration:
     limits = {s: 2 * scatter / np.sqrt(n) for s, n in m.specimens.items()}
     first = m.elastic[m.speeds[0]]
     knee = first["yield_stress"] - first["E_large"] * first["yield_strain"]
-    natural = name in ("FR", "NatR")  # crystallise, thesis section 4.3.1.2
+    crystallises = name in ("FR", "NatR")  # thesis section 4.3.1.2
 
-    low = [0.05, 0.05, 0.3, 0.0, 0.5, 0.02, -0.4, 0.0, 0.1, 0.0]
-    start = [0.8, 0.18, 0.8, 0.01, 0.7, 0.6, 0.1, 0.1, 0.3, 0.3]
-    high = [2.0, 0.80, 1.5, 3.0, 0.9, 4.0, 0.8, 0.6, 3.0, 2.0]
     rates = list(limits) if several else []
-    low += [-limits[s] for s in rates] + [-0.2] * (3 if name == "NatR" else 0)
-    high += [limits[s] for s in rates] + [0.2] * (3 if name == "NatR" else 0)
-    start += [0.0] * (len(low) - len(start))
+    bands = m.speeds if name == "NatR" else ()
+    space = {  # low, start, high
+        "knee": (0.05, 0.8, 2.0),
+        "knee_strain": (0.05, 0.18, 1.0),
+        "sharpness": (0.7, 1.5, 2.5),
+        "modulus": (0.3, 0.8, 1.5),
+        "upturn": (0.0, 0.01, 3.0),
+        "upturn_strain": (0.4, 0.7, 0.95),
+        "branches": (0.02, 0.6, 4.0),
+        "slope": (-0.4, 0.0, 1.0),
+        "bend": (-0.5, 0.0, 1.0),
+        "share": (0.0, 0.1, 0.6),
+        "branch_strain": (0.1, 0.3, 3.0),
+        "slack": (0.0, 0.3, 1.5),
+    }
+    space |= {f"stiffness {s}": (-limits[s], 0.0, limits[s]) for s in rates}
+    space |= {f"extensibility {s}": (-0.2, 0.0, 0.2) for s in bands if s != 250}
+    low, start, high = np.array(list(space.values())).T
 
     def build(x: Array) -> virtual.Calibration:
-        weights = np.array(BRANCH_TIMES) ** -x[6]
-        moduli = x[5] * first["E_small"] * weights / weights.sum()
+        v = dict(zip(space, x, strict=True))
+        decade = np.log10(BRANCH_TIMES) - np.log10(BRANCH_TIMES).mean()
+        weights = 10 ** (-v["slope"] * decade - v["bend"] * decade**2)
         last = first["ultimate_strain_median"]
-        batch = x[10 : 10 + len(rates)]
-        extensible = x[10 + len(rates) :]
+        upturn = v["upturn"] * first["ultimate_stress_median"] / (0.3 * last) ** 3
         return virtual.Calibration(
-            knee_stress=x[0] * knee,
-            knee_strain=x[1],
-            modulus=x[2] * first["E_large"],
-            upturn=(x[3] / (0.3 * last) ** 3 * first["ultimate_stress_median"])
-            if natural
-            else 0.0,
-            upturn_strain=x[4] * last,
-            branch_moduli=tuple(moduli),
+            knee_stress=v["knee"] * knee,
+            knee_strain=v["knee_strain"],
+            knee_sharpness=v["sharpness"],
+            modulus=v["modulus"] * first["E_large"],
+            upturn=upturn if crystallises else 0.0,
+            upturn_strain=v["upturn_strain"] * last,
+            branch_moduli=tuple(
+                v["branches"] * first["E_small"] * weights / weights.sum()
+            ),
             branch_times=BRANCH_TIMES,
-            branch_share=x[7],
-            branch_strain=x[8],
+            branch_share=v["share"],
+            branch_strain=v["branch_strain"],
             scatter=scatter,
-            extensibility_scatter=0.06 if name == "NatR" else 0.0,
-            relaxation_slack_mm=x[9],
-            stiffness=dict(zip(rates, np.exp(batch), strict=True)),
-            extensibility=dict(zip(rates, np.exp(extensible), strict=False)),
+            extensibility_scatter=scatter / 2 if bands else 0.0,
+            relaxation_slack_mm=v["slack"],
+            stiffness={s: float(np.exp(v[f"stiffness {s}"])) for s in rates},
+            extensibility={
+                s: float(np.exp(v.get(f"extensibility {s}", 0.0))) for s in bands
+            },
         )
 
     def residuals(x: Array) -> Array:
         return np.array(list(_misses(m, build(x)).values()))
 
-    fit = least_squares(
-        residuals, start, bounds=(low, high), loss="soft_l1", f_scale=0.1, x_scale="jac"
-    )
-    return build(fit.x)
+    # The loss has several valleys; a few starts, the best kept.
+    rng = np.random.default_rng(0)
+    starts = [start, *(low + (high - low) * rng.uniform(0.1, 0.9, (STARTS, len(low))))]
+    fits = [
+        least_squares(
+            residuals, s, bounds=(low, high), loss="soft_l1", f_scale=0.1, x_scale="jac"
+        )
+        for s in starts
+    ]
+    best = min(fits, key=lambda f: f.cost)
+    print(name, [round(f.cost, 4) for f in fits])
+    print({k: round(float(q), 3) for k, q in zip(space, best.x)})
+    return build(best.x)
 
 
 def _scatter(name: str) -> float:
@@ -94,9 +119,7 @@ def _misses(m: Material, c: virtual.Calibration) -> dict[str, float]:
         }
         end = max(row["ultimate_strain_median"], row["ultimate_strain_mean"])
         strain = np.linspace(0, end, 1500)
-        stress = virtual.stress(
-            c, strain, strain[1] / m.rate_per_s(speed), **factors
-        )
+        stress = virtual.stress(c, strain, strain[1] / m.rate_per_s(speed), **factors)
         at = lambda e: float(np.interp(e, strain, stress))  # noqa: B023, E731
         small = (strain >= SMALL[0]) & (strain <= SMALL[1])
         span = row["ultimate_strain_mean"] - row["yield_strain"]
@@ -126,11 +149,8 @@ def _misses(m: Material, c: virtual.Calibration) -> dict[str, float]:
 
 
 def _relaxed(m: Material, c: virtual.Calibration, test: dict) -> tuple[float, float]:
-    one = virtual.Specimens(*(np.ones(1) for _ in range(3)), np.full(1, np.inf),
-                            np.full(1, c.relaxation_slack_mm), np.ones(1))
-    _, _, force = virtual._hold(m, c, one, 0, test)
-    area = virtual._area(m, one, 0)
-    return force.max() / area, force[-1] / area
+    _, _, stress = virtual.hold(m, c, test, c.relaxation_slack_mm)
+    return float(stress.max()), float(stress[-1])
 
 
 def write(name: str, c: virtual.Calibration) -> Path:
