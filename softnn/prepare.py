@@ -133,8 +133,8 @@ def compensate_toe(
 ) -> Recording:
     r"""Zero strain where the first straight part meets zero load (ASTM D638, annex).
 
-    A chord spans a rise of the load by `rise` of its peak (ten times the noise at
-    least), and its slope is fitted. The straight part begins with the first chord whose
+    A chord spans a rise of the load by `rise` of its peak (more where noise would blur
+    it), and its slope is fitted. The straight part begins with the first chord whose
     slope reaches `share` of the steepest one below `within` of the peak. Its line is
     drawn to zero load: strain is counted from there, what lies before is left out and
     what lies between is put on the line, as the standard does.
@@ -145,7 +145,8 @@ def compensate_toe(
     - the load before the line meets zero is, on the mean, more than `loose` of what
       the line would give (slack carries next to nothing: this is the material);
     - the slope still grows at `within` (no straight part to extend);
-    - the line meets zero load before the first sample (a preload is not a toe).
+    - the line meets zero load before the first sample (a preload is not a toe), or
+      no further from it than noise may carry it.
     """
     x, y = _upright(recording)
     begin, shift, modulus = _toe(x, y, rise, within, share, loose)
@@ -187,26 +188,34 @@ def _toe(
     if peak <= 0 or not above.size or above[0] < 8:
         return none
     stop = int(above[0]) + 1
-    level = max(rise * peak, 10 * noise(y[:stop]))
+    # A rise d seen through noise s at r samples per MPa has a slope known to
+    # s sqrt(12 / r d) / d: let that be at most a tenth.
+    error = noise(y[:stop])
+    level = max(rise * peak, np.cbrt(1200 * error**2 * y[stop - 1] / stop))
     ceiling = np.maximum.accumulate(y[: stop + 1])
     starts = np.flatnonzero(ceiling[:stop] + level <= ceiling[stop - 1])
     if starts.size < 3:
         return none
     ends = np.searchsorted(ceiling, ceiling[starts] + level) + 1
-    ends = np.maximum(ends, starts + 5)
-    slopes, at_zero = _lines(x, y, starts, np.minimum(ends, len(x)))
+    ends = np.minimum(np.maximum(ends, starts + 5), len(x))
+    slopes, at_zero = _lines(x, y, starts, ends)
     first = int(np.flatnonzero(slopes >= share * slopes.max())[0])
     # The first chord may straddle the bend; the steepest that starts in it does not.
     overlapping = np.flatnonzero(starts < ends[first])
     first += int(slopes[first : overlapping[-1] + 1].argmax())
     begin, modulus, shift = int(starts[first]), slopes[first], at_zero[first]
+    begin = max(begin, int((x[: stop + 1] > shift).argmax()))
+    chord = x[starts[first] : ends[first]]
+    doubt = 1 / len(chord) + (chord.mean() - shift) ** 2 / np.sum(
+        (chord - chord.mean()) ** 2
+    )
     straight = ceiling[begin] <= 0.5 * (ceiling[0] + within * peak)
-    if begin == 0 or not straight or not x[0] < shift < x[begin]:
+    if not straight or shift - x[0] <= 2 * error / modulus * np.sqrt(doubt):
         return none
-    slack = x <= shift
-    slack[begin:] = False
-    carried = np.mean(y[slack] - y[0])
-    if carried > loose * modulus * np.mean(x[slack] - x[0]) + noise(y[:stop]):
+    slack = np.arange(len(x)) < begin
+    slack &= x <= shift
+    carried = np.mean(y[slack] - y[0]) - 2 * error / np.sqrt(slack.sum())
+    if carried > loose * modulus * np.mean(x[slack] - x[0]):
         return none
     return begin, float(shift), float(modulus)
 
@@ -549,7 +558,7 @@ def _holds(time: Array, x: Array, step: float, steps: float) -> list[tuple[int, 
     holds: list[tuple[int, int]] = []
     for first, last in _runs(slow):
         stretch = x[marks[first] : marks[last] + (marks[last] == len(x) - 1)]
-        if not slow[first] or np.ptp(stretch) >= 3 * step:
+        if not slow[first] or (last - first > 3 and np.ptp(stretch) >= 3 * step):
             continue
         near = np.abs(stretch - np.median(stretch)) <= max(step / 4, 3 * noise(x))
         start, stop = marks[first] + np.flatnonzero(near)[[0, -1]] + [0, 1]
