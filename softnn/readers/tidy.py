@@ -125,7 +125,9 @@ def read_tidy(path: str | Path, **about: object) -> Recording:
     # Trailing blank lines are how some editors end a file, not samples.
     while len(frame) and frame.iloc[-1].isna().all():
         frame = frame.iloc[:-1]
-    columns = {c: _numbers(frame[c], path) for c in COLUMNS if c in frame.columns}
+    columns: dict[str, Any] = {
+        c: _numbers(frame[c], path) for c in COLUMNS if c in frame.columns
+    }
     check_columns(columns, str(path), first_row=2)
     fields: dict[str, Any] = {"name": path.stem, "source": str(path), **about}
     return Recording(**columns, **fields)
