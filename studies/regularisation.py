@@ -1,0 +1,223 @@
+"""What holds overfitting off best: evidence, early stopping, or a fixed L2 weight?
+
+Networks of 20 neurons on a tenth of the samples, where there is something to overfit.
+The L2 weight is sought on a log scale by tree-structured Parzen estimators. Choosing a
+weight by the folds it is judged on flatters it, so all three are judged again on folds
+drawn anew.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from softnn.contracts import InputError
+from softnn.search import Finished, Range, Value
+from studies.common import (
+    COLOURS,
+    FAINT,
+    guarded,
+    markdown,
+    new_figure,
+    percent,
+    save_figure,
+    write_result,
+)
+from studies.material_data import Data, prepared
+from studies.settings import (
+    Places,
+    Settings,
+    places_of,
+    settings_of,
+    smoked,
+    study_parser,
+)
+from studies.sweep import WHAT, Sweep, headline_of_all, trial_entry
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DEFAULTS = Settings(neurons=(20,), fraction=0.1)
+WEIGHTS = Range(1e-10, 1e-1, log=True)
+TRIALS = 24
+METHODS = ("bayesian", "early-stopping")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.regularisation`; returns the exit code."""
+    made = study_parser("regularisation", __doc__, DEFAULTS, omit="regularisation")
+    made.add_argument(
+        "--trials", type=int, default=TRIALS, help=f"L2 weights to try ({TRIALS})"
+    )
+    arguments = made.parse_args(argv)
+
+    def work() -> None:
+        settings = settings_of(arguments, DEFAULTS)
+        if len(settings.neurons) > 1:
+            raise InputError(f"neurons are {settings.neurons}; give one count")
+        if arguments.trials < 1:
+            raise InputError(f"trials is {arguments.trials}; at least 1 is needed")
+        usual = Settings(
+            material=settings.material,
+            data=settings.data,
+            neurons=DEFAULTS.neurons,
+            fraction=DEFAULTS.fraction,
+        )
+        as_usual = settings == usual and arguments.trials == TRIALS
+        places = places_of(arguments, published=as_usual)
+        if arguments.smoke:
+            run(smoked(settings), places, min(arguments.trials, 4))
+        else:
+            run(settings, places, arguments.trials)
+
+    return guarded(work)
+
+
+def run(settings: Settings, places: Places, trials: int) -> dict[str, Any]:
+    """The study of every material asked for; returns what was written."""
+    began = time.perf_counter()
+    found = [study(data, settings, places, trials) for data in prepared(settings)]
+    headline = headline_of_all(found, time.perf_counter() - began)
+    path = write_result(
+        settings.file_name("regularisation"),
+        headline,
+        {"settings": asdict(settings), "l2_trials": trials, "materials": found},
+        seed=settings.seed,
+        data={one["label"]: one["data_sha256"] for one in found},
+        folder=places.results,
+    )
+    print(f"result: {path}; runs: {places.tracking}")
+    return {"headline": headline, "materials": found}
+
+
+def study(
+    data: Data, settings: Settings, places: Places, trials: int
+) -> dict[str, Any]:
+    """The three ways on one material."""
+    count, split = settings.neurons[0], settings.split
+    first, anew = settings.seed, settings.seed + 1
+    space: dict[str, Sequence[Value] | Range] = {
+        "regularisation": [*METHODS, "l2"],
+        "weight": WEIGHTS,
+        "folds_seed": [first, anew],
+    }
+    total = trials + 2 * len(METHODS) + 1
+    with Sweep("regularisation", data, settings, space, places, total) as sweep:
+
+        def trial(parameters: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
+            how = dict(parameters)
+            if "weight" in how:
+                how["regularisation"] = f"l2={how.pop('weight')!r}"
+            return sweep.trainer({**how, "neurons": count, "split": split})
+
+        ways = {
+            name: sweep.run(trial, regularisation=name, folds_seed=first)
+            for name in METHODS
+        }
+        tried = list(
+            sweep.minimise(trial, trials, regularisation="l2", folds_seed=first)
+        )
+        ways["l2"] = min(tried, key=lambda t: t.value)
+        again = {
+            name: sweep.run(trial, **{**way.parameters, "folds_seed": anew})
+            for name, way in ways.items()
+        }
+        rows = [
+            [_name(ways[n]), percent(ways[n].value), percent(t.value), _gamma(t)]
+            for n, t in again.items()
+        ]
+        header = ["regularisation", "NRMSE", "NRMSE, folds anew", "gamma"]
+        text = markdown(header, rows)
+        best = min(again, key=lambda name: again[name].value)
+        headline = {
+            "best": best,
+            "l2_weight": ways["l2"].parameters["weight"],
+            **{f"nrmse_{_key(n)}": t.value for n, t in ways.items()},
+            **{f"nrmse_anew_{_key(n)}": t.value for n, t in again.items()},
+        }
+        name = f"{settings.file_name('regularisation')}-{data.file_name}"
+        files = save_figure(draw(data, settings, ways, tried), name, places.results)
+        sweep.tracker.result(
+            {k: v for k, v in headline.items() if not isinstance(v, str)},
+            note=f"**{data.label}**, {count} neurons\n\n{text}",
+            files=files,
+            texts={"regularisation.md": text},
+            tags={"best": best},
+        )
+        print(f"\n{data.label}: best on folds drawn anew {best}\n\n{text}\n")
+        if sweep.from_store():
+            print(sweep.from_store())
+    return {
+        "material": data.material,
+        "label": data.label,
+        "data_sha256": data.digest,
+        "headline": headline,
+        "trials": [trial_entry(t) for t in sweep.trials],
+        "trials_from_store": sum(t.stored for t in sweep.trials),
+        "study_key": sweep.key,
+    }
+
+
+def _name(way: Finished) -> str:
+    weight = way.parameters.get("weight")
+    return way.parameters["regularisation"] + (f", {weight:.3g}" if weight else "")
+
+
+def _gamma(way: Finished) -> str:
+    gamma = np.array(way.result["gamma"], float)
+    mean = f"{gamma.mean():.1f}" if np.isfinite(gamma).all() else "-"
+    return f"{mean} of {way.result['parameters']}"
+
+
+def _key(name: str) -> str:
+    return name.replace("-", "_")
+
+
+def draw(
+    data: Data,
+    settings: Settings,
+    ways: Mapping[str, Finished],
+    tried: Sequence[Finished],
+) -> Figure:
+    """Generalisation error against the L2 weight, the other two as lines."""
+    figure = new_figure(5.2, 3.2)
+    axes = figure.subplots()
+    weights = np.array([t.parameters["weight"] for t in tried])
+    errors = 100 * np.array([t.value for t in tried])
+    order = np.argsort(weights)
+    axes.loglog(weights[order], errors[order], "-", color=COLOURS[0], alpha=0.4)
+    axes.loglog(weights, errors, "o", color=COLOURS[0], markersize=4, label="L2 trials")
+    best = ways["l2"]
+    axes.plot(
+        best.parameters["weight"],
+        100 * best.value,
+        "o",
+        markersize=11,
+        markerfacecolor="none",
+        markeredgecolor=COLOURS[1],
+        markeredgewidth=1.8,
+        label=f"best L2 weight, {best.parameters['weight']:.1e}",
+    )
+    for name, colour, dashes in (
+        ("bayesian", COLOURS[2], "-"),
+        ("early-stopping", COLOURS[3], "--"),
+    ):
+        axes.axhline(100 * ways[name].value, color=colour, linestyle=dashes, label=name)
+    axes.set_xlabel("L2 weight (normalised units)")
+    axes.set_ylabel(f"NRMSE [%], {WHAT[settings.split]}")
+    axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    axes.set_title(
+        f"{data.label}: {settings.neurons[0]} neurons, "
+        f"{settings.fraction:.0%} of the samples"
+    )
+    axes.legend(fontsize=8)
+    return figure
+
+
+if __name__ == "__main__":
+    sys.exit(main())
