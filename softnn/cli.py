@@ -1,0 +1,246 @@
+"""The `softnn` command: one function a subcommand, errors as one line, exit code 2."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from softnn.contracts import InputError
+from softnn.recording import Recording
+
+_QUANTITIES = ("time", "force", "displacement", "strain", "stress", "temperature")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; 0 when all went well, 2 for input that cannot be used."""
+    parser = argparse.ArgumentParser(
+        prog="softnn", description="Recordings of soft materials, and models of them."
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    _add_read(commands)
+    arguments = parser.parse_args(argv)
+    try:
+        return int(arguments.run(arguments))
+    except InputError as error:
+        print(f"softnn: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # `softnn read ... | head`
+        sys.stderr.close()
+        return 0
+
+
+# -- read ------------------------------------------------------------------------------
+
+
+def _add_read(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "read",
+        help="a testing machine's files -> tidy CSV",
+        description="Show what a testing machine's files hold; --out writes tidy CSV.",
+    )
+    parser.add_argument("files", nargs="+", metavar="FILE")
+    parser.add_argument("--out", metavar="DIR", help="write tidy CSV and a plot here")
+    for name, unit in (
+        ("length", "mm"),
+        ("area", "mm2"),
+        ("width", "mm"),
+        ("thickness", "mm"),
+        ("diameter", "mm"),
+        ("rate", "per_s"),
+        ("interval", "s"),
+    ):
+        parser.add_argument(
+            f"--{name}",
+            dest=f"{name}_{unit}",
+            type=float,
+            metavar=unit.upper(),
+            help=_READ_HELP.get(name, f"{name} of the specimen, {unit}"),
+        )
+    for name in _QUANTITIES:
+        parser.add_argument(
+            f"--{name}", default="", metavar="COLUMN", help=f"the column of {name}"
+        )
+    parser.add_argument(
+        "--unit",
+        action="append",
+        default=[],
+        metavar="COLUMN=UNIT",
+        help="unit of a column the file gives none for, e.g. 'Force=kN'",
+    )
+    parser.add_argument("--decimal", default="", choices=[".", ","])
+    parser.add_argument(
+        "--compression", action="store_true", help="the file counts compression > 0"
+    )
+    parser.add_argument(
+        "--skip-bad-cells",
+        action="store_true",
+        help="cells that are no numbers become missing values",
+    )
+    for name in ("specimen", "material", "test"):
+        parser.add_argument(f"--{name}", default="", help=f"{name}, to be recorded")
+    parser.set_defaults(run=_run_read)
+
+
+_READ_HELP = {
+    "rate": "nominal strain rate, 1/s; without a time column it gives the time",
+    "interval": "seconds between samples, in place of a time column",
+}
+
+
+def _run_read(arguments: argparse.Namespace) -> int:
+    from softnn.readers import ReadOptions, read
+
+    units = {}
+    for pair in arguments.unit:
+        column, mark, unit = pair.rpartition("=")
+        if not mark or not column.strip() or not unit.strip():
+            raise InputError(f"--unit is {pair!r}; allowed is COLUMN=UNIT")
+        units[column.strip()] = unit.strip()
+    given = {
+        f.name: getattr(arguments, f.name)
+        for f in fields(ReadOptions)
+        if f.name != "units"
+    }
+    options = ReadOptions(**given, units=units)
+    out = Path(arguments.out) if arguments.out else None
+    taken: set[str] = set()
+    failures = 0
+    for file in arguments.files:
+        try:
+            recordings = read(file, options)
+        except InputError as error:  # the other files are still worth reading
+            print(f"softnn: {error}", file=sys.stderr)
+            failures += 1
+            continue
+        for recording in recordings:
+            print(describe(recording))
+            if out is not None:
+                print(f"  written to  {write_tidy(recording, out, taken)}")
+            print()
+    return 2 if failures else 0
+
+
+def describe(recording: Recording) -> str:
+    """What was understood of a recording: facts, columns, notes, a small plot."""
+    strain, stress = recording.strain, recording.stress_MPa
+    facts = {
+        "specimen": recording.specimen,
+        "material": recording.material,
+        "rows": f"{len(recording)}",
+        "duration": f"{recording.time_s[-1] - recording.time_s[0]:.6g} s",
+        "rate": f"{recording.rate_per_s:.4g} 1/s" if recording.rate_per_s else "",
+        "strain": f"{np.nanmin(strain):.4g} to {np.nanmax(strain):.4g}",
+        "stress": f"{np.nanmin(stress):.4g} to {np.nanmax(stress):.4g} MPa",
+        "geometry": ", ".join(
+            f"{f.name.rsplit('_', 1)[0]} {getattr(recording.geometry, f.name):.6g} "
+            f"{f.name.rsplit('_', 1)[1]}"
+            for f in fields(recording.geometry)
+            if getattr(recording.geometry, f.name) is not None
+        ),
+    }
+    understood = recording.log[0].arguments if recording.log else {}
+    facts["dialect"] = understood.get("dialect", "")
+    for role, column in understood.get("columns", {}).items():
+        facts[f"{role} from"] = column
+    lines = [_printable(recording.name)]
+    lines += [
+        f"  {key:<18}{_printable(value)}" for key, value in facts.items() if value
+    ]
+    lines += [f"  note: {_printable(note)}" for note in understood.get("notes", [])]
+    return "\n".join(lines + text_plot(strain, stress))
+
+
+def _printable(text: str) -> str:
+    """Text of a file on a terminal: no control characters."""
+    return "".join(c if c.isprintable() else "?" for c in text)[:200]
+
+
+def text_plot(
+    x: np.ndarray, y: np.ndarray, width: int = 56, height: int = 9
+) -> list[str]:
+    """Points of y over x as lines of text, frame and extremes included.
+
+    >>> print("\\n".join(text_plot(np.arange(3.0), np.arange(3.0), 3, 3)))
+               2 |  *
+                 | *
+               0 |*
+                  0 to 2
+    """
+    keep = np.isfinite(x) & np.isfinite(y)
+    x, y = x[keep], y[keep]
+    if not len(x):
+        return []
+    canvas = np.full((height, width), " ")
+
+    def place(values: np.ndarray, cells: int) -> np.ndarray:
+        span = np.ptp(values)
+        fraction = (values - values.min()) / span if span > 0 else 0 * values
+        return np.rint(fraction * (cells - 1)).astype(int)
+
+    canvas[height - 1 - place(y, height), place(x, width)] = "*"
+    labels = [""] * height
+    labels[0], labels[-1] = f"{y.max():.4g}", f"{y.min():.4g}"
+    rows = [
+        f"{label:>12} |{''.join(row).rstrip()}"
+        for label, row in zip(labels, canvas, strict=True)
+    ]
+    return [*rows, f"{'':>12}  {x.min():.4g} to {x.max():.4g}"]
+
+
+def write_tidy(recording: Recording, folder: Path, taken: set[str]) -> Path:
+    """The recording as tidy CSV in `folder`, with a plot beside it; its path.
+
+    The name holds letters, digits, `.`, `_` and `-` only, so it cannot lead out of
+    the folder. `taken` are names already written by this command, which are not
+    used again.
+    """
+    import pandas as pd
+
+    stem = re.sub(r"[^A-Za-z0-9._-]+", "_", recording.name).strip("._-")[:100]
+    stem = base = stem or "recording"
+    count = 1
+    while stem.casefold() in taken:
+        count += 1
+        stem = f"{base}-{count}"
+    taken.add(stem.casefold())
+    path = folder / f"{stem}.csv"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if path.is_symlink():  # a link in the folder may lead out of it
+            raise InputError("is a link; remove it or name another --out", file=path)
+        frame = pd.DataFrame(recording.columns)
+        # 9 digits: below the noise of any machine, and rounding goes unseen
+        frame.to_csv(path, index=False, float_format="%.9g")
+        _draw(recording, path.with_suffix(".png"))
+    except OSError as error:
+        reason = error.strerror or error
+        raise InputError(f"cannot be written: {reason}", file=path) from None
+    return path
+
+
+def _draw(recording: Recording, path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 3), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    left.plot(recording.strain, recording.stress_MPa, linewidth=1, color="tab:blue")
+    left.set(xlabel="Strain [-]", ylabel="Stress [MPa]")
+    right.plot(recording.time_s, recording.strain, linewidth=1, color="tab:grey")
+    right.set(xlabel="Time [s]", ylabel="Strain [-]")
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    # Only the file's own name, as plain text: "$" would be read as mathematics.
+    title = _printable(recording.name).replace("$", r"\$")
+    figure.suptitle(title if title.isascii() else path.stem, fontsize=10)
+    figure.savefig(path, dpi=110)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,639 @@
+"""One table of a file -> one Recording: columns chosen, units converted, gaps named.
+
+What decides, in this order: options of the user, the dialect's rules, the columns'
+names and units, the header. Nothing is assumed silently: each choice is written into
+the recording's log, and what is missing is an error that names the option.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array, InputError
+from softnn.readers import table as tables_module
+from softnn.readers.source import Source
+from softnn.readers.table import Column, Entry, Table, is_number
+from softnn.readers.units import BASE, Unit, convert, known, parse_unit
+from softnn.readers.vocabulary import (
+    ABSOLUTE,
+    COMPRESSIVE,
+    DIMENSION,
+    GEOMETRY,
+    HEIGHT,
+    MATERIAL,
+    NOT_GEOMETRY,
+    ROLES,
+    SPECIMEN,
+    SPEED,
+    TRUE,
+    plain,
+    rank,
+)
+from softnn.recording import Geometry, Recording, Step
+
+# Beyond these a unit or the geometry is wrong, not the material: 100 is 10,000 %,
+# 20 GPa is beyond any wire.
+MAX_STRAIN = 100.0
+MAX_STRESS = 20_000.0
+DISAGREE = 3.0  # a column against force / area or displacement / length
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a file does not say, or says wrongly. None and "" leave it to the file.
+
+    Geometry in mm and mm2, `rate_per_s` the nominal strain rate [1/s]; without a time
+    column it gives the time too, from strain, as `interval_s` [s] between samples
+    does, which also replaces a faulty clock. `time` ... `temperature` name the column
+    to use; `units` gives units by column name, `{"Force": "kN"}`. `compression`: the
+    file counts compression positive. `skip_bad_cells`: cells that are no numbers are
+    missing values.
+    """
+
+    length_mm: float | None = None
+    area_mm2: float | None = None
+    width_mm: float | None = None
+    thickness_mm: float | None = None
+    diameter_mm: float | None = None
+    rate_per_s: float | None = None
+    interval_s: float | None = None
+    time: str = ""
+    force: str = ""
+    displacement: str = ""
+    strain: str = ""
+    stress: str = ""
+    temperature: str = ""
+    units: dict[str, str] = field(default_factory=dict)
+    decimal: str = ""
+    compression: bool = False
+    skip_bad_cells: bool = False
+    specimen: str = ""
+    material: str = ""
+    test: str = ""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, float | int) and not isinstance(value, bool):
+                if not (np.isfinite(value) and value > 0):
+                    raise InputError(f"{item.name} is {value}; allowed is above 0")
+        if self.decimal not in ("", ".", ","):
+            raise InputError(f"decimal is {self.decimal!r}; allowed is '.' or ','")
+
+    @property
+    def has_area(self) -> bool:
+        return self.geometry.area is not None
+
+    @property
+    def geometry(self) -> Geometry:
+        return Geometry(**{f.name: getattr(self, f.name) for f in fields(Geometry)})
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a dialect knows beyond names and units.
+
+    `columns`: role -> plain names, to use in place of the vocabulary's choice.
+    `ignore`: plain names that mislead. `compression`: positive is compression.
+    `unitless`: dimensionless columns are fractions although no unit says so.
+    """
+
+    dialect: str
+    columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    ignore: tuple[str, ...] = ()
+    compression: bool = False
+    unitless: bool = False
+    geometry: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def assemble(
+    table: Table, rules: Rules, options: ReadOptions, decimal: str = "."
+) -> Recording:
+    """The recording of one table; raises `InputError` naming file, row and column."""
+    try:
+        return _Assembly(table, rules, options, decimal).recording()
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(str(error), file=table.where) from None
+
+
+class _Assembly:
+    """The state of one reading: columns used and notes collect as it goes."""
+
+    def __init__(
+        self, table: Table, rules: Rules, options: ReadOptions, decimal: str
+    ) -> None:
+        self.table, self.rules, self.options = table, rules, options
+        self.decimal = decimal
+        self.used: dict[str, str] = {}
+        self.notes = [*rules.notes, *table.notes]
+        self.header = header_geometry(table.header)
+        known_geometry = {**self.header.values, **rules.geometry}
+        given = {
+            f.name: getattr(options, f.name)
+            for f in fields(Geometry)
+            if getattr(options, f.name) is not None
+        }
+        if options.has_area:  # a section given replaces the whole of the file's
+            for name in ("area_mm2", "width_mm", "thickness_mm", "diameter_mm"):
+                known_geometry.pop(name, None)
+        elif "width_mm" in given or "thickness_mm" in given:
+            # half a section: the file's own area no longer holds
+            known_geometry.pop("area_mm2", None)
+        self.geometry = Geometry(**{**known_geometry, **given})
+
+    # -- columns -----------------------------------------------------------------
+
+    def candidates(self, role: str) -> list[int]:
+        """Columns that may play a role, best first."""
+        wanted = getattr(self.options, role)
+        columns = self.table.columns
+        if wanted:
+            hits = [
+                i
+                for i, c in enumerate(columns)
+                if wanted in (c.name, str(c)) or plain(wanted) == c.plain
+            ]
+            if not hits:
+                raise InputError(
+                    f"no column {wanted!r} (--{role}); it has {self.have()}"
+                )
+            return hits[:1]
+        if role in self.rules.columns:
+            listed = self.rules.columns[role]
+            order = {name: k for k, name in enumerate(listed)}
+            found = [i for i, c in enumerate(columns) if c.plain in order]
+            return sorted(found, key=lambda i: order[columns[i].plain])
+        ranked = []
+        for i, column in enumerate(columns):
+            place = rank(role, column.plain)
+            if place is not None and column.plain not in self.rules.ignore:
+                ranked.append((TRUE.search(column.plain) is not None, place, i))
+        return [i for _, _, i in sorted(ranked)]
+
+    def find(self, role: str) -> tuple[int, Unit] | None:
+        """The column of a role with its unit, or None; an unknown unit is an error."""
+        dimension = DIMENSION[role]
+        unclear: Column | None = None
+        for i in self.candidates(role):
+            column = self.table.columns[i]
+            text = self.unit_of(column, role)
+            unit = parse_unit(text)
+            if unit is None and not text and dimension == "strain" and self.fractions:
+                unit = Unit("strain", 1.0)
+            if unit is not None and unit.dimension == dimension:
+                if unclear is not None and rank(role, unclear.plain) == 0:
+                    self.refuse(unclear, role)
+                return i, unit
+            if unit is None:
+                # a name that may mean strain or length is no sign of one without unit
+                vague = rank(role, column.plain) == len(ROLES[role]) - 1
+                if text or not vague or role not in ("strain", "displacement"):
+                    unclear = unclear or column
+            elif getattr(self.options, role):
+                raise InputError(
+                    f"column {column} is in {text!r}, no unit of {dimension}"
+                )
+        if unclear is not None:
+            self.refuse(unclear, role)
+        return None
+
+    def refuse(self, column: Column, role: str) -> None:
+        text = self.unit_of(column, role)
+        said = f"has the unit {text!r}, unknown here" if text else "has no unit"
+        raise InputError(
+            f"{said}; give it with --unit '{column.name}=...', one of: "
+            f"{known(DIMENSION[role])}",
+            file=self.table.where,
+            column=column.name,
+        )
+
+    def unit_of(self, column: Column, role: str) -> str:
+        units = self.options.units
+        return units.get(column.name) or units.get(role) or column.unit
+
+    @property
+    def fractions(self) -> bool:
+        """Whether a strain without a unit is a fraction: the others carry theirs."""
+        others = [parse_unit(c.unit) for c in self.table.columns if c.unit]
+        return self.rules.unitless or sum(u is not None for u in others) >= 2
+
+    def have(self) -> str:
+        return ", ".join(str(c) for c in self.table.columns if c.name) or "none"
+
+    def read(self, role: str, label: str = "") -> Array | None:
+        """The column of a role in base units, or None when there is none."""
+        found = self.find(role)
+        if found is None:
+            return None
+        i, unit = found
+        column = self.table.columns[i]
+        values, bad = tables_module.numbers(
+            self.table, i, self.decimal, self.options.skip_bad_cells
+        )
+        if bad:
+            self.notes.append(f"{bad} cells of {column.name!r} are no numbers: missing")
+        infinite = ~np.isfinite(values) & ~np.isnan(values)
+        huge = infinite | (np.abs(values * unit.factor) > 1e15)
+        if huge.any():
+            k = int(huge.argmax())
+            raise InputError(
+                f"{self.table.cells(i)[k]!r} is too large to be a measurement",
+                file=self.table.where,
+                row=int(self.table.lines[k]),
+                column=column.name,
+            )
+        values = values * unit.factor + unit.offset
+        shown = str(replace(column, unit=self.unit_of(column, role)))
+        self.used[label or role] = shown
+        if role == "displacement" and ABSOLUTE.search(column.plain):
+            first = values[np.isfinite(values)][:1]
+            if HEIGHT.search(column.plain):
+                values = self.height(values, first, column)
+            elif first.size:
+                self.notes.append(f"zero of {column.name!r} set to its first value")
+                values = values - first[0]
+        sign = -1.0 if role != "temperature" and self.flipped(column, role) else 1.0
+        return sign * values
+
+    def flipped(self, column: Column, role: str) -> bool:
+        if role == "time":
+            return False
+        if role == "displacement" and HEIGHT.search(column.plain):
+            return False  # a gap that closes is compression, whatever the file counts
+        return (
+            self.rules.compression
+            or self.options.compression
+            or COMPRESSIVE.search(column.plain) is not None
+        )
+
+    def height(self, values: Array, first: Array, column: Column) -> Array:
+        """A gap between plates: its change is the elongation, its start the length."""
+        if first.size and self.geometry.length_mm is None:
+            if not first[0] > 0:
+                raise InputError(
+                    f"{column.name!r} starts at {first[0]:.6g} mm, no specimen's "
+                    "height; give it with --length MM"
+                )
+            self.geometry = replace(self.geometry, length_mm=float(first[0]))
+            self.notes.append(f"length is the first {column.name!r}")
+        return values - (first[0] if first.size else 0.0)
+
+    # -- the recording ------------------------------------------------------------
+
+    def recording(self) -> Recording:
+        table, options = self.table, self.options
+        if not table.rows:
+            raise InputError("no rows; at least two samples are needed")
+        force = self.read("force")
+        stress = self.stress(force)
+        strain, elongation = self.strain()
+        time = self.time(strain)
+        self.check_time(time)
+        self.check_size(strain, MAX_STRAIN, "strain", "--length")
+        self.check_size(stress, MAX_STRESS, "stress [MPa]", "--area")
+        self.note_jumps(strain, "strain")
+        self.note_jumps(stress, "stress")
+        if "true stress" in self.used:
+            # sigma_nominal = sigma_true / stretch, for a volume that stays
+            stress = stress / (1 + strain)
+        arguments: dict[str, Any] = {
+            "dialect": self.rules.dialect,
+            "columns": self.used,
+            "notes": self.notes,
+        }
+        if table.sheet:
+            arguments["sheet"] = table.sheet
+        specimen = options.specimen or table.label or self.header.specimen
+        return Recording(
+            time_s=time,
+            strain=strain,
+            stress_MPa=stress,
+            temperature_C=self.optional("temperature"),
+            force_N=force,
+            elongation_mm=elongation,
+            name=table.file.name.split(".")[0],
+            specimen=specimen,
+            material=options.material or self.header.material,
+            test=options.test,
+            rate_per_s=self.rate(),
+            geometry=self.geometry,
+            source=str(table.file),
+            log=(Step("read", arguments),),
+        )
+
+    def optional(self, role: str) -> Array | None:
+        """A channel nothing depends on: without a clear unit it is left out."""
+        try:
+            return self.read(role)
+        except InputError:
+            if getattr(self.options, role):
+                raise
+            return None
+
+    def stress(self, force: Array | None) -> Array:
+        """Force / area when the user gives the section, else stress as recorded."""
+        options, area = self.options, self.geometry.area
+        if options.has_area and force is not None and not options.stress:
+            assert area is not None
+            return force / area
+        stress = self.read("stress")
+        if stress is not None:
+            if TRUE.search(plain(self.used["stress"])):
+                self.used["true stress"] = self.used.pop("stress")
+                self.notes.append("true stress made nominal, volume taken as constant")
+            elif force is not None and area is not None:
+                self.agree(stress, force / area, "stress", "force / area")
+            return stress
+        if force is None:
+            raise InputError(
+                f"no column of force or stress; it has {self.have()}. "
+                "Name one with --force or --stress"
+            )
+        if area is None:
+            self.header.refuse_unknown(("area", "width", "thickness", "diameter"))
+            both = self.needs_length()
+            raise InputError(
+                f"no cross-section{' and no length' if both else ''} of the specimen "
+                "in it; give --area MM2, or --width MM and --thickness MM, or "
+                f"--diameter MM{'; and --length MM' if both else ''}"
+            )
+        return force / area
+
+    def needs_length(self) -> bool:
+        """Whether strain, too, will lack its length: both are then said at once."""
+        if self.geometry.length_mm is not None or self.find("strain"):
+            return False
+        found = self.find("displacement")
+        return found is None or not HEIGHT.search(self.table.columns[found[0]].plain)
+
+    def strain(self) -> tuple[Array, Array | None]:
+        """Strain and elongation; from the displacement when a length is given."""
+        options = self.options
+        elongation: Array | None = None
+        if options.length_mm is not None and not options.strain:
+            elongation = self.read("displacement")
+            if elongation is not None:
+                return elongation / options.length_mm, elongation
+        strain = self.read("strain")
+        if strain is not None:
+            if TRUE.search(plain(self.used["strain"])):
+                self.notes.append("true strain made engineering strain, exp(e) - 1")
+                strain = np.expm1(np.minimum(strain, 50.0))
+            elongation = self.optional("displacement")
+            length = self.geometry.length_mm
+            if elongation is not None and length is not None:
+                extensometer = re.search(
+                    r"\b(ave|video|strain \d)\b", plain(self.used["strain"])
+                )
+                self.agree(
+                    strain,
+                    elongation / length,
+                    "strain",
+                    "displacement / length",
+                    30.0 if extensometer else DISAGREE,
+                )
+            return strain, elongation
+        elongation = self.read("displacement")
+        if elongation is None:
+            raise InputError(
+                f"no column of strain or displacement; it has {self.have()}. "
+                "Name one with --strain or --displacement"
+            )
+        length = self.geometry.length_mm
+        if length is None:
+            self.header.refuse_unknown(("length",))
+            raise InputError(
+                "no length of the specimen in it, so displacement gives no strain; "
+                "give --length MM"
+            )
+        return elongation / length, elongation
+
+    def time(self, strain: Array) -> Array:
+        options = self.options
+        if options.interval_s is not None:
+            self.used["time"] = f"every {options.interval_s:g} s (--interval)"
+            return np.arange(len(strain)) * options.interval_s
+        time = self.read("time")
+        if time is not None:
+            return time
+        if options.rate_per_s is not None:
+            steps = np.abs(np.diff(strain, prepend=strain[:1]))
+            if np.isnan(steps).any():
+                raise InputError("strain has gaps, so --rate gives no time")
+            self.used["time"] = f"strain at {options.rate_per_s:g} 1/s (--rate)"
+            return np.asarray(np.cumsum(steps) / options.rate_per_s, dtype=float)
+        raise InputError(
+            f"no column of time; it has {self.have()}. Name one with --time, or give "
+            "--interval SECONDS between samples, or --rate STRAIN_PER_SECOND"
+        )
+
+    def rate(self) -> float | None:
+        if self.options.rate_per_s is not None:
+            return self.options.rate_per_s
+        speeds = {s for s in self.header.speeds if s > 0}
+        if len(speeds) == 1 and self.geometry.length_mm is not None:
+            return speeds.pop() / self.geometry.length_mm
+        return None
+
+    # -- checks ---------------------------------------------------------------------
+
+    def check_time(self, time: Array) -> None:
+        """Name the row of the file, which a Recording no longer knows."""
+        for bad, what in (
+            (np.isnan(time), "no time; every row needs one"),
+            (
+                np.diff(time, prepend=time[:1]) < 0,
+                "time goes backwards; sort the rows, split the file where a new test "
+                "begins, or replace its clock with --interval SECONDS",
+            ),
+        ):
+            if bad.any():
+                raise InputError(
+                    what,
+                    file=self.table.where,
+                    row=int(self.table.lines[int(bad.argmax())]),
+                    column=self.used.get("time"),
+                )
+
+    def check_size(self, values: Array, limit: float, what: str, option: str) -> None:
+        too_large = np.abs(values) > limit
+        if too_large.any():
+            k = int(too_large.argmax())
+            raise InputError(
+                f"{what} is {values[k]:.6g}; beyond {limit:g} a unit, the geometry "
+                f"({option}) or the value is wrong",
+                file=self.table.where,
+                row=int(self.table.lines[k]),
+            )
+
+    def note_jumps(self, values: Array, what: str) -> None:
+        """Single samples far off both neighbours: a fault of the file, left in it."""
+        steps = np.diff(values)
+        finite = values[np.isfinite(values)]
+        if finite.size < 20:
+            return
+        far = 0.2 * np.ptp(finite)
+        alone = (np.abs(steps[:-1]) > far) & (np.abs(steps[1:]) > far)
+        alone &= steps[:-1] * steps[1:] < 0
+        if alone.any():
+            row = int(self.table.lines[int(alone.argmax()) + 1])
+            self.notes.append(
+                f"{int(alone.sum())} single samples of {what} stand far off their "
+                f"neighbours, the first in row {row}"
+            )
+
+    def agree(
+        self,
+        column: Array,
+        computed: Array,
+        what: str,
+        how: str,
+        allowed: float = DISAGREE,
+    ) -> None:
+        """A recorded column against the same made from two others, to catch a unit."""
+        good = np.isfinite(column) & np.isfinite(computed)
+        if not good.any():
+            return
+        a = np.percentile(np.abs(column[good]), 90)
+        b = np.percentile(np.abs(computed[good]), 90)
+        if a > 0 and b > 0 and not 1 / allowed < a / b < allowed:
+            raise InputError(
+                f"the column of {what} is {a / b:.3g} times {how}: a unit or the "
+                f"geometry is wrong. Give the geometry or --unit, or name the column "
+                f"to trust with --{what}"
+            )
+
+
+@dataclass(frozen=True)
+class Header:
+    """Facts of the header: geometry in mm, speeds in mm/s, names."""
+
+    values: dict[str, float]
+    unclear: dict[str, Entry]
+    speeds: tuple[float, ...]
+    specimen: str
+    material: str
+
+    def refuse_unknown(self, words: tuple[str, ...]) -> None:
+        """Raise for a geometry line whose unit is not known, when it is needed."""
+        for name, entry in self.unclear.items():
+            if name.startswith(words):
+                raise InputError(
+                    f"the header's {entry.key!r} is {entry.value!r} in "
+                    f"{entry.unit or 'no unit'!r}, unknown here; "
+                    f"give --{name.split('_')[0]} in mm or mm2"
+                )
+
+
+def header_geometry(header: tuple[Entry, ...]) -> Header:
+    """Length, section, speeds and names out of header lines, where they say so."""
+    values: dict[str, float] = {}
+    unclear: dict[str, Entry] = {}
+    speeds: list[float] = []
+    specimen = material = ""
+    for entry in header:
+        key = plain(entry.key)
+        if SPECIMEN.search(key):
+            specimen = specimen or entry.value
+        elif MATERIAL.search(key):
+            material = material or entry.value
+        number = _value(entry.value)
+        if number is None:
+            continue
+        unit = parse_unit(entry.unit)
+        if SPEED.search(key) and unit is not None and unit.dimension == "speed":
+            speeds.append(number * unit.factor)
+        if NOT_GEOMETRY.search(key):
+            continue
+        for name, pattern in GEOMETRY.items():
+            if not pattern.search(key) or name in values:
+                continue
+            dimension = "area" if name == "area_mm2" else "length"
+            if unit is None or unit.dimension != dimension:
+                if unit is None:
+                    unclear.setdefault(name, entry)
+                continue
+            value = convert(number, entry.unit, dimension, entry.key)
+            if np.isfinite(value) and value > 0:  # machines write 0 for "not entered"
+                values[name] = value
+            break
+    return Header(values, unclear, tuple(speeds), specimen, material)
+
+
+def _value(text: str) -> float | None:
+    if not text or not is_number(text):
+        return None
+    # A lone comma in a header is a decimal one: no specimen is 1,000 mm wide.
+    if "," in text and "." not in text and text.count(",") == 1:
+        text = text.replace(",", ".")
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def base_unit(role: str) -> str:
+    """The unit a role has in a Recording."""
+    return BASE[DIMENSION[role]]
+
+
+def recordings(
+    tables: list[Table], rules: Rules, options: ReadOptions, file: Path
+) -> list[Recording]:
+    """A recording of every table that is a test; result tables and such are left out.
+
+    Raises `InputError` for the reason the best of them is none.
+    """
+    if not tables:
+        raise InputError(
+            "no rows of numbers below column names; expected are columns of time, "
+            "force or stress, and displacement or strain",
+            file=file,
+        )
+    decimal = options.decimal or tables_module.decimal_mark(tables, file)
+    chosen = [t for t in tables if _is_test(t, options)]
+    if not chosen:
+        chosen = [max(tables, key=lambda t: len(t.rows))]
+    left_out = len(tables) - len(chosen)
+    if left_out:
+        note = f"{left_out} further tables are no test and left out"
+        rules = replace(rules, notes=(*rules.notes, note))
+    return [assemble(table, rules, options, decimal) for table in chosen]
+
+
+def _is_test(table: Table, options: ReadOptions) -> bool:
+    def has(*roles: str) -> bool:
+        return any(
+            getattr(options, role) or tables_module.has_role(table, role)
+            for role in roles
+        )
+
+    timed = has("time") or options.interval_s or options.rate_per_s
+    return bool(
+        len(table.rows) > 1
+        and timed
+        and has("force", "stress")
+        and has("displacement", "strain")
+    )
+
+
+def read_source(
+    source: Source, rules: Rules, options: ReadOptions, ragged: bool = False
+) -> list[Recording]:
+    """The recordings of all tables of a file, each table a test: what most need."""
+    tables = [
+        table
+        for sheet in source.sheets
+        for table in tables_module.find_tables(
+            sheet.grid, source.path, sheet.name if not source.is_text else "", ragged
+        )
+    ]
+    return recordings(tables, rules, options, source.path)

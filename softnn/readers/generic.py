@@ -1,0 +1,22 @@
+"""Any delimited text or worksheet: delimiter, decimal mark, encoding, names, units.
+
+The last resort of the list: it takes every table whose columns name a quantity, in
+English, German, French, Spanish, Italian, Chinese or Japanese, with a unit in the name
+or in a row below it.
+"""
+
+from __future__ import annotations
+
+from softnn.readers.assemble import ReadOptions, Rules, read_source
+from softnn.readers.source import Source
+from softnn.recording import Recording
+
+NAME = "delimited table"
+
+
+def recognises(source: Source) -> bool:
+    return True
+
+
+def read(source: Source, options: ReadOptions) -> list[Recording]:
+    return read_source(source, Rules(NAME), options)

@@ -1,0 +1,346 @@
+"""A file as text cells or workbook sheets, whatever its encoding and delimiter.
+
+Nothing is known here about machines. Sizes are limited before anything is unpacked,
+so that a small hostile file cannot become a large one.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import itertools
+import os
+import re
+import zipfile
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from softnn.contracts import InputError
+from softnn.readers.vocabulary import ROLES, plain
+
+MAX_BYTES = 100_000_000  # 2 million rows of text; one test is rarely a tenth of it
+MAX_WORKBOOK_BYTES = 40_000_000  # unpacked XML, 400,000 rows of 4 columns
+MAX_COLUMNS = 1000
+MAX_CELLS = 4_000_000  # of one worksheet, gaps counted
+
+Cell = str | float
+Grid = list[list[Cell]]
+
+NUMBER = re.compile(r"[-+]?(\d[\d.,]*|[.,]\d+)([eE][-+]?\d{1,4})?")
+_CANDIDATES: tuple[str, ...] = ("\t", ";", "|", ",", "  ", " ")
+_BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A worksheet, or the whole of a text file (name "")."""
+
+    name: str
+    grid: Grid
+
+
+@dataclass(frozen=True)
+class Source:
+    """The bytes of one file (unpacked if gzip), read on demand."""
+
+    path: Path
+    raw: bytes
+
+    @cached_property
+    def is_xls(self) -> bool:
+        return self.raw.startswith(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1")
+
+    @cached_property
+    def is_xlsx(self) -> bool:
+        return self.raw.startswith(b"PK\x03\x04")
+
+    @property
+    def is_text(self) -> bool:
+        return not (self.is_xls or self.is_xlsx)
+
+    @cached_property
+    def text(self) -> str:
+        """The text of a text file; raises `InputError` for a binary one."""
+        return decode(self.raw, self.path)
+
+    @cached_property
+    def head(self) -> str:
+        """The first lines, for recognition; "" for a workbook."""
+        return self.text[:20_000] if self.is_text else ""
+
+    @cached_property
+    def lines(self) -> list[str]:
+        # Only the line ends a file can have: splitlines() also cuts at a form feed.
+        return self.text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+    @cached_property
+    def delimiter(self) -> str:
+        return sniff_delimiter(self.lines, self.path)
+
+    @cached_property
+    def sheets(self) -> list[Sheet]:
+        if self.is_xls:
+            return _xls_sheets(self.raw, self.path)
+        if self.is_xlsx:
+            return _xlsx_sheets(self.raw, self.path)
+        return [Sheet("", split_lines(self.lines, self.delimiter, self.path))]
+
+    @cached_property
+    def top(self) -> Grid:
+        """The first 60 rows of the first sheet."""
+        if self.is_text:
+            return split_lines(self.lines[:60], self.delimiter, self.path, strict=False)
+        return self.sheets[0].grid[:60] if self.sheets else []
+
+    @cached_property
+    def names(self) -> set[str]:
+        """Every text cell of the first rows of all sheets, as plain names."""
+        grids = [self.top] if self.is_text else [s.grid[:60] for s in self.sheets]
+        return {
+            plain(re.sub(r"[\[(][^\[\]()]*[\])]\s*$", "", cell))
+            for cell in itertools.chain.from_iterable(itertools.chain(*grids))
+            if isinstance(cell, str)
+        }
+
+
+def open_source(path: Path) -> Source:
+    """The file's bytes, or one clear line: absent, a folder, too large, damaged."""
+    try:
+        if path.is_dir():
+            raise InputError("is a folder; name the files in it", file=path)
+        if not path.is_file() and path.exists():
+            raise InputError("is not a plain file", file=path)
+        with path.open("rb") as stream:
+            size = os.fstat(stream.fileno()).st_size
+            raw = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise InputError("no such file", file=path) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", file=path) from None
+    if size > MAX_BYTES or len(raw) > MAX_BYTES:
+        raise InputError(f"over {MAX_BYTES // 10**6} MB; split it", file=path)
+    if raw.startswith(b"\x1f\x8b"):
+        try:
+            with gzip.GzipFile(fileobj=io.BytesIO(raw)) as packed:
+                raw = packed.read(MAX_BYTES + 1)
+        except (OSError, EOFError, zlib.error):
+            raise InputError("damaged gzip file; copy it again", file=path) from None
+        if len(raw) > MAX_BYTES:
+            raise InputError(
+                f"unpacks to over {MAX_BYTES // 10**6} MB; split it", file=path
+            )
+    if not raw.strip(b"\x00 \t\r\n"):
+        raise InputError("no rows; the file is empty", file=path)
+    return Source(path, raw)
+
+
+def decode(raw: bytes, path: Path) -> str:
+    """Text of the encoding the bytes show: UTF-16, UTF-8, GB18030 or Windows-1252.
+
+    A byte that is no character of it becomes U+FFFD, which no number and no unit
+    holds; so it can spoil a name, never a value.
+    """
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return raw.decode("utf-16", "replace")
+    start = raw[:4000]
+    if start.count(b"\x00") > len(start) // 4:
+        little = start[1::2].count(b"\x00") > start[::2].count(b"\x00")
+        text = raw.decode("utf-16-le" if little else "utf-16-be", "replace")
+        if sum(c.isprintable() or c in "\r\n\t" for c in text[:1000]) > 0.9 * min(
+            len(text), 1000
+        ):
+            return text
+    if len(_BINARY.findall(start)) > len(start) // 100 + 4:
+        raise InputError(
+            "is not text and no Excel workbook; export it as CSV or text", file=path
+        )
+    if start.lstrip()[:5].lower() in (b"<html", b"<?xml", b"<!doc") or start[:4] in (
+        b"%PDF",
+        b"{\\rt",
+    ):
+        raise InputError(
+            "is a web page, XML, PDF or RTF document, whatever its name says; "
+            "export it as CSV or text",
+            file=path,
+        )
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    # Chinese when the header says words of a tensile test in it; the two-byte
+    # codes would otherwise also swallow accented letters of Windows-1252.
+    chinese = raw[:8000].decode("gb18030", "replace")
+    words = re.findall("[\u4e00-\u9fff]+", chinese)
+    if any(p.search(w) for w in words for ps in ROLES.values() for p in ps):
+        return raw.decode("gb18030", "replace")
+    # UTF-8 with a few damaged bytes stays UTF-8.
+    utf8 = raw.decode("utf-8-sig", "replace")
+    multibyte = len(re.findall("[\u0080-\ufffc]", utf8))
+    if multibyte and utf8.count("\ufffd") <= multibyte:
+        return utf8
+    return raw.decode("cp1252", "replace")
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    if delimiter == " ":
+        return line.split()
+    if delimiter == "  ":
+        return re.split(r"\s{2,}|\t", line.strip())
+    if '"' in line:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+    return line.split(delimiter)
+
+
+def sniff_delimiter(lines: list[str], path: Path) -> str:
+    """The delimiter under which most lines are rows of numbers."""
+    filled = [line for line in lines[:400] if line.strip()]
+    middle = len(lines) // 2
+    filled += [line for line in lines[middle : middle + 200] if line.strip()]
+    best, chosen = 0.0, ""
+    for delimiter in _CANDIDATES:
+        score = 0.0
+        for line in filled:
+            if delimiter not in line or len(line) > 20_000:
+                continue
+            try:
+                cells = [c.strip().strip('"') for c in _split(line, delimiter)]
+            except csv.Error:
+                continue
+            cells = [c for c in cells if c]
+            numbers = sum(NUMBER.fullmatch(c) is not None for c in cells)
+            if numbers >= 2:
+                score += numbers / len(cells)
+        if score > best + 1e-9:
+            best, chosen = score, delimiter
+    if not chosen:
+        raise InputError(
+            "no table of numbers in it; expected are columns of time, force or stress, "
+            "and displacement or strain",
+            file=path,
+        )
+    return chosen
+
+
+def split_lines(
+    lines: list[str], delimiter: str, path: Path, strict: bool = True
+) -> Grid:
+    """Rows of cells; row i of the result is line i + 1 of the file."""
+    if delimiter in (" ", "  "):
+        return [list(_split(line, delimiter)) for line in lines]
+    grid: Grid = []
+    for number, line in enumerate(lines, start=1):
+        if '"' not in line:
+            cells = line.split(delimiter) if line else []
+        else:
+            try:
+                cells = next(
+                    csv.reader([line], delimiter=delimiter, skipinitialspace=True), []
+                )
+            except csv.Error as error:
+                raise InputError(f"not a row: {error}", file=path, row=number) from None
+            if strict and line.count('"') % 2:
+                raise InputError(
+                    "a quotation mark without its pair; repair the row",
+                    file=path,
+                    row=number,
+                )
+        if len(cells) > MAX_COLUMNS:
+            raise InputError(
+                f"{len(cells)} columns; allowed are {MAX_COLUMNS}",
+                file=path,
+                row=number,
+            )
+        grid.append([c.strip() for c in cells])
+    return grid
+
+
+def _cell(value: object) -> Cell:
+    if value is None:
+        return ""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value).strip()
+    return float(value)
+
+
+def _damaged(path: Path) -> InputError:
+    return InputError(
+        "damaged, or not an Excel workbook; open it in Excel and save the sheet as CSV",
+        file=path,
+    )
+
+
+def _xls_sheets(raw: bytes, path: Path) -> list[Sheet]:
+    import xlrd
+
+    try:
+        book = xlrd.open_workbook(
+            file_contents=raw, logfile=io.StringIO(), ragged_rows=True
+        )
+        sheets = []
+        for sheet in book.sheets():
+            rows = [
+                [_cell(c) for c in sheet.row_values(i)[:MAX_COLUMNS]]
+                for i in range(sheet.nrows)
+            ]
+            sheets.append(Sheet(str(sheet.name), rows))
+        return sheets
+    # xlrd meets a damaged file with whatever its parser trips over.
+    except Exception:
+        raise _damaged(path) from None
+
+
+def _xlsx_sheets(raw: bytes, path: Path) -> list[Sheet]:
+    import openpyxl
+
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            members = archive.infolist()
+            if not any(m.filename.lower() == "xl/workbook.xml" for m in members):
+                raise InputError(
+                    "is a zip archive and no Excel workbook; unpack it first", file=path
+                )
+            if sum(m.file_size for m in members) > MAX_WORKBOOK_BYTES:
+                raise InputError(
+                    f"unpacks to over {MAX_WORKBOOK_BYTES // 10**6} MB; "
+                    "save its sheets as CSV",
+                    file=path,
+                )
+            for member in members:
+                # file_size is what the archive claims; zipfile stops reading there.
+                if member.filename.lower().endswith((".xml", ".rels")):
+                    with archive.open(member) as stream:
+                        if b"<!DOCTYPE" in stream.read(4096).upper():
+                            raise _damaged(path)
+        book = openpyxl.load_workbook(
+            io.BytesIO(raw), read_only=True, data_only=True, keep_links=False
+        )
+        sheets = []
+        for sheet in book.worksheets:
+            sheet.reset_dimensions()  # what a file claims; cells may lie anywhere
+            rows: Grid = []
+            budget = MAX_CELLS
+            for row in sheet.iter_rows(values_only=True):
+                budget -= len(row) + 1
+                if budget < 0:
+                    raise InputError(
+                        f"sheet {sheet.title!r} has over {MAX_CELLS:,} cells; "
+                        "save it as CSV",
+                        file=path,
+                    )
+                cells = [_cell(value) for value in row]
+                while cells and cells[-1] == "":
+                    cells.pop()
+                rows.append(cells)
+            while rows and not rows[-1]:
+                rows.pop()
+            sheets.append(Sheet(str(sheet.title), rows))
+        return sheets
+    except InputError:
+        raise
+    # As with xlrd: zipfile, expat and openpyxl raise a dozen kinds of error.
+    except Exception:
+        raise _damaged(path) from None

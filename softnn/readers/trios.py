@@ -1,0 +1,155 @@
+"""TA Instruments TRIOS, rheometer in axial mode: text of one step, or .xls / .txt.
+
+Raw waveform text: names with units, tab-separated, a tab too many at the end of each
+row. Export: `Details`, then a block (a sheet, or `[step]`) a step, each with its own
+clock `Step time`; the steps are one test and follow each other without a pause.
+
+Force is positive in compression and the gap is the specimen's height, so force
+changes sign and the gap's change is the elongation. `Normal stress` is 2 F / area
+(the normal stress difference of a cone, in its manual), so stress is made from the
+force. The plate's diameter in the geometry's name is used as the specimen's.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import InputError
+from softnn.readers.assemble import ReadOptions, Rules, recordings
+from softnn.readers.source import Source
+from softnn.readers.table import Entry, Table, decimal_mark, find_tables, numbers
+from softnn.readers.units import parse_unit
+from softnn.readers.vocabulary import STEP_CLOCK
+from softnn.recording import Recording
+
+NAME = "TA TRIOS"
+_FORCES = ("axial force", "normal force")
+_SWEEP = {"storage modulus", "loss modulus", "tan delta", "complex viscosity"}
+
+
+def recognises(source: Source) -> bool:
+    names = source.names
+    return any(f in names for f in _FORCES) and (
+        "gap" in names or {"instrument name", "proceduresegments"} <= names
+    )
+
+
+def read(source: Source, options: ReadOptions) -> list[Recording]:
+    tables = steps(source)
+    plate = _plate(tables)
+    rules = Rules(
+        NAME,
+        columns={
+            "time": ("time", "test time", "step time"),
+            "force": _FORCES,
+            "stress": (),
+            "strain": (),
+            "displacement": ("gap", "displacement"),
+        },
+        compression=True,
+        geometry={"diameter_mm": plate} if plate and not options.has_area else {},
+        notes=("diameter is the plate's",) if plate and not options.has_area else (),
+    )
+    table, decimal = one_test(tables, source, options)
+    return recordings([table], rules, replace(options, decimal=decimal), source.path)
+
+
+def steps(source: Source) -> list[Table]:
+    """The tables of all steps, each carrying the lines of the details."""
+    tables: list[Table] = []
+    details: tuple[Entry, ...] = ()
+    for sheet in source.sheets:
+        name = sheet.name if not source.is_text else ""
+        found = find_tables(sheet.grid, source.path, name)
+        if not found:
+            details += _details(sheet.grid)
+        tables += [replace(t, header=details + t.header) for t in found]
+    return tables
+
+
+def _details(grid: list) -> tuple[Entry, ...]:
+    from softnn.readers.table import entries
+
+    return entries(grid)
+
+
+def one_test(
+    tables: list[Table], source: Source, options: ReadOptions
+) -> tuple[Table, str]:
+    """The steps of a test as one table of the columns they share, and decimal mark.
+
+    A clock of the step is made one of the test: each step starts where the one
+    before it ended.
+    """
+    tests = [
+        t
+        for t in tables
+        if not _SWEEP & {c.plain for c in t.columns} and len(t.rows) > 0
+    ]
+    if not tests:
+        raise InputError(
+            "holds oscillation or flow only, no history of force and displacement; "
+            "export an axial, ramp or relaxation step",
+            file=source.path,
+        )
+    decimal = options.decimal or decimal_mark(tests, source.path)
+    shared = [
+        c for c in tests[0].columns if all(c in other.columns for other in tests[1:])
+    ]
+    if not any(f in {c.plain for c in shared} for f in (*_FORCES, "force")):
+        raise InputError(
+            "its steps have no force and unit in common; export them one a file",
+            file=source.path,
+        )
+    clock = next((c for c in shared if c.plain in ("time", "test time")), None)
+    own = next((c for c in shared if STEP_CLOCK.search(c.plain)), None)
+    rows: list = []
+    offset = 0.0
+    for table in tests:
+        order = [table.columns.index(c) for c in shared]
+        shift = None
+        if clock is None and own is not None and len(tests) > 1:
+            shift = shared.index(own)
+            time, _ = numbers(table, table.columns.index(own), decimal)
+        for k, row in enumerate(table.rows):
+            picked = [row[i] if i < len(row) else "" for i in order]
+            if shift is not None:
+                picked[shift] = float(time[k]) + offset
+            rows.append(picked)
+        if shift is not None and len(time):
+            offset += float(np.nanmax(time))
+    left = len(tables) - len(tests)
+    notes = list(tests[0].notes)
+    if len(tests) > 1:
+        notes.append(f"{len(tests)} steps joined into one test")
+    if left:
+        notes.append(f"{left} steps of oscillation left out")
+    joined = replace(
+        tests[0],
+        columns=tuple(shared),
+        rows=rows,
+        lines=np.concatenate([t.lines for t in tests]),
+        notes=tuple(notes),
+        label="",
+        sheet="" if len(tests) > 1 else tests[0].sheet,
+    )
+    return joined, decimal
+
+
+def _plate(tables: list[Table]) -> float | None:
+    """Diameter in mm out of `8.0mm parallel plate, ...`."""
+    for table in tables:
+        for entry in table.header:
+            match = re.match(r"([\d.]+) ?(mm|cm|in)\b.*\bplate\b", _joined(entry))
+            if match and entry.key == "Geometry name":
+                unit = parse_unit(match[2])
+                assert unit is not None
+                return float(match[1]) * unit.factor
+    return None
+
+
+def _joined(entry: Entry) -> str:
+    return f"{entry.value}{entry.unit}" if entry.unit else entry.value

@@ -1,0 +1,206 @@
+"""Units as machines write them -> N, mm, s, MPa, degC. An unknown one is refused."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from softnn.contracts import InputError
+
+BASE = MappingProxyType(
+    {
+        "time": "s",
+        "force": "N",
+        "length": "mm",
+        "strain": "mm/mm",
+        "stress": "MPa",
+        "temperature": "degC",
+        "area": "mm2",
+        "speed": "mm/s",
+        "rate": "1/s",
+    }
+)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """value in the base unit of `dimension` = value * factor + offset."""
+
+    dimension: str
+    factor: float
+    offset: float = 0.0
+
+
+_POUND = 4.4482216152605  # N, exact
+_KILOPOND = 9.80665  # N, exact
+_INCH = 25.4  # mm, exact
+_SQUARE_INCH = _INCH**2
+
+# Left out on purpose: mPa and MN (one letter's case away from MPa and mN, and no
+# soft material is tested in them), g and kg (a mass; gf and kgf are forces).
+_TABLE: dict[str, dict[str, float]] = {
+    "time": {
+        **dict.fromkeys(("s", "sec", "secs", "sec.", "second", "seconds", "sek"), 1.0),
+        **dict.fromkeys(("seg", "segundos", "secondi", "secondes", "\u79d2"), 1.0),
+        **dict.fromkeys(("sekunden", "seconde"), 1.0),
+        **dict.fromkeys(("ms", "msec"), 1e-3),
+        "us": 1e-6,
+        **dict.fromkeys(("min", "mins", "min.", "minute", "minutes"), 60.0),
+        **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
+    },
+    "force": {
+        **dict.fromkeys(("N", "newton", "newtons", "\u725b"), 1.0),
+        **dict.fromkeys(("kN", "\u5343\u725b"), 1e3),
+        "mN": 1e-3,
+        "uN": 1e-6,
+        "cN": 1e-2,
+        **dict.fromkeys(("gf", "gram-force", "p"), _KILOPOND / 1e3),
+        **dict.fromkeys(("kgf", "kp"), _KILOPOND),
+        "tf": _KILOPOND * 1e3,
+        **dict.fromkeys(("lbf", "lb", "lbs"), _POUND),
+        "klbf": _POUND * 1e3,
+        "kip": _POUND * 1e3,
+        "ozf": _POUND / 16,
+    },
+    "length": {
+        **dict.fromkeys(("mm", "\u6beb\u7c73"), 1.0),
+        **dict.fromkeys(("um", "micron", "microns"), 1e-3),
+        "nm": 1e-6,
+        "cm": 10.0,
+        "dm": 100.0,
+        "m": 1000.0,
+        **dict.fromkeys(("in", "in.", "inch", "inches", '"'), _INCH),
+        "mil": _INCH / 1e3,
+        "ft": 12 * _INCH,
+    },
+    "strain": {
+        **dict.fromkeys(("mm/mm", "m/m", "in/in", "in./in.", "cm/cm", "1", "-"), 1.0),
+        **dict.fromkeys(("strain", "--", "um/um"), 1.0),
+        **dict.fromkeys(("%", "percent", "pct", "%strain"), 1e-2),
+        "mm/m": 1e-3,
+        **dict.fromkeys(("ustrain", "microstrain", "u\u03b5", "ue", "um/m"), 1e-6),
+        **dict.fromkeys(("mstrain", "millistrain"), 1e-3),
+    },
+    "stress": {
+        **dict.fromkeys(("MPa", "N/mm2", "MN/m2", "\u5146\u5e15"), 1.0),
+        **dict.fromkeys(("kPa", "kN/m2", "mN/mm2"), 1e-3),
+        **dict.fromkeys(("Pa", "N/m2"), 1e-6),
+        **dict.fromkeys(("GPa", "kN/mm2"), 1e3),
+        "N/cm2": 1e-2,
+        **dict.fromkeys(("psi", "lbf/in2"), _POUND / _SQUARE_INCH),
+        "ksi": 1e3 * _POUND / _SQUARE_INCH,
+        "kgf/mm2": _KILOPOND,
+        "kgf/cm2": _KILOPOND / 100,
+        "bar": 0.1,
+    },
+    "temperature": {**dict.fromkeys(("degC", "C", "celsius"), 1.0)},
+    "area": {
+        **dict.fromkeys(("mm2", "mm^2", "sqmm"), 1.0),
+        "cm2": 100.0,
+        "m2": 1e6,
+        "um2": 1e-6,
+        **dict.fromkeys(("in2", "sqin"), _SQUARE_INCH),
+    },
+    "speed": {
+        "mm/s": 1.0,
+        "mm/sec": 1.0,
+        "mm/min": 1 / 60,
+        "mm/h": 1 / 3600,
+        "um/s": 1e-3,
+        "cm/min": 10 / 60,
+        "m/s": 1e3,
+        "m/min": 1e3 / 60,
+        "in/min": _INCH / 60,
+        "in/s": _INCH,
+    },
+    "rate": {
+        **dict.fromkeys(("1/s", "/s", "s-1", "mm/mm/s"), 1.0),
+        **dict.fromkeys(("%/s",), 1e-2),
+        **dict.fromkeys(("1/min", "/min", "mm/mm/min"), 1 / 60),
+        **dict.fromkeys(("%/min",), 1e-2 / 60),
+    },
+}
+_EXACT = {
+    text: Unit(dimension, factor)
+    for dimension, row in _TABLE.items()
+    for text, factor in row.items()
+} | {
+    **dict.fromkeys(("K", "kelvin", "degK"), Unit("temperature", 1.0, -273.15)),
+    **dict.fromkeys(
+        ("degF", "F", "fahrenheit"), Unit("temperature", 5 / 9, -32 * 5 / 9)
+    ),
+}
+_FOLDED = {t.casefold(): u for t, u in _EXACT.items() if t != "mN"}
+
+
+def unit_text(text: str) -> str:
+    """The unit without brackets, spaces, exponent marks and typographic variants.
+
+    >>> unit_text(" [N/mm\u00b2] "), unit_text("(\u00b5m)")
+    ('N/mm2', 'um')
+    """
+    text = repair(text).strip().strip("\"'").strip()
+    while len(text) > 1 and text[0] + text[-1] in ("()", "[]", "{}", "<>"):
+        text = text[1:-1].strip()
+    text = unicodedata.normalize("NFKC", text)  # superscript two, micro, degree C
+    text = (
+        text.replace("\u03bc", "u").replace("\u00b0", "deg").replace("\u2103", "degC")
+    )
+    return re.sub(r"[\s^*\u00b7]|\*\*", "", text)
+
+
+def parse_unit(text: str) -> Unit | None:
+    """The unit, or None when it is not one of those known here.
+
+    >>> parse_unit("kN"), parse_unit("mPa")
+    (Unit(dimension='force', factor=1000.0, offset=0.0), None)
+    """
+    plain = unit_text(text)
+    if plain in _EXACT:
+        return _EXACT[plain]
+    # Any case will do, except where case tells milli from mega.
+    if plain == "MN" or re.fullmatch(r"m(P[aA]|pA)", plain):
+        return None
+    return _FOLDED.get(plain.casefold())
+
+
+def convert(value: float, text: str, dimension: str, what: str) -> float:
+    """One value with its unit as text, in the base unit of `dimension`.
+
+    >>> convert(0.18, "cm^2", "area", "section")
+    18.0
+    """
+    unit = parse_unit(text)
+    if unit is None or unit.dimension != dimension:
+        raise InputError(
+            f"{what} is in {text.strip()!r}, which is no unit of {dimension} known "
+            f"here; allowed: {known(dimension)}"
+        )
+    return value * unit.factor + unit.offset
+
+
+def known(dimension: str) -> str:
+    """The units of a dimension, for an error message."""
+    names = [t for t, u in _EXACT.items() if u.dimension == dimension and t.isascii()]
+    return ", ".join(names[:16])
+
+
+def repair(text: str) -> str:
+    r"""UTF-8 read as Latin-1 and saved again, once or twice, put right.
+
+    >>> repair("Pr\u00c3\u00bcfzeit") == "Pr\u00fcfzeit"
+    True
+    """
+    for _ in range(2):
+        if not re.search("[\u00c2-\u00c6\u00e2]", text):
+            break
+        try:
+            text = text.encode("cp1252").decode("utf-8")
+        except UnicodeError:
+            try:
+                text = text.encode("latin-1").decode("utf-8")
+            except UnicodeError:
+                break
+    return text

@@ -1,0 +1,150 @@
+"""What columns and header lines are called, in six languages, by pattern.
+
+Names are compared without accents, case and units. A pattern says what a name *may*
+be; the unit decides: `Dehnung [mm]` is a length, `Dehnung [%]` a strain.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from types import MappingProxyType
+
+from softnn.readers.units import repair
+
+# Columns that carry one of the words below but are another quantity.
+_NOT = re.compile(
+    r"\b(rates?|speed|counts?|cycles?|number|nr|max(imum)?|min(imum)?|mean|torque|"
+    r"rotation|rotary|width|lateral|transverse|quer\w*|breiten\w*|largeur|date|datum|"
+    r"clock|uhrzeit|set ?point|command|target|soll\w*|error|modul\w*|energy|work|"
+    r"power|video time|digital|dyn|cont|preload|vorkraft|tenacity|index|marker|encoder|"
+    r"frequency|phase|pip|day|remaining|load cell|oscillation|amplitude|final|"
+    r"bruch|break|area|flow)\b"
+)
+
+# role -> patterns, most wanted first. \u escapes are Chinese and Japanese words.
+_ROLES = {
+    "time": (
+        r"^(total|test|elapsed|running|run|global)? ?time\b(?!.*\bof\b)|"
+        r"\b(pru?e?f|versuchs|mess|test|gesamt)?zeit\b|^(sec|seconds|t)$|"
+        r"\b(temps|duree|tiempo|tempo)\b|"
+        "\u65f6\u95f4|\u6642\u9593",
+        r"\bstep time\b|\bsegment time\b",
+    ),
+    "force": (
+        r"\b(standard ?)?(force|kraft|standardkraft|pru?e?fkraft|zugkraft)\b|"
+        r"\b(load|charge|effort|fuerza|carga|forza|carico)\b|^f( stat)?$|"
+        "(?<![\u5e94\u61c9\u5fdc\u538b])\u529b|\u8f7d\u8377|\u8377\u91cd|\u8d1f\u8377",
+    ),
+    "stress": (
+        r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstress\b",
+        r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensione?|sigma)\b|"
+        "[\u5e94\u61c9\u5fdc]\u529b",
+    ),
+    "strain": (
+        r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstrain\b",
+        r"\b(strain|dehnung|stauchung|deform\w*|epsilon)\b|"
+        "[\u5e94\u61c9]\u53d8|\u3072\u305a\u307f|\u6b6a\u307f",
+        r"\b(elongation|allongement|extension|alargamiento|allungamento|ave)\b|"
+        r"\bverlangerung\b|\u4f38\u957f",
+    ),
+    "displacement": (
+        r"\b(standardweg|standard travel|course standard|recorrido estandar)\b",
+        r"\b(displacement|extension|elongation|stroke|disp|ext|travel|weg)\b|"
+        r"\b(deplacement|course|allongement|verlangerung|\w+weg)\b(?!.*absolut)|"
+        r"\b(desplazamiento|carrera|alargamiento|spostamento|corsa|allungamento)\b|"
+        "\u4f4d\u79fb|\u884c\u7a0b|\u4f38\u957f|\u5909\u4f4d|\u30b9\u30c8\u30ed\u30fc\u30af",
+        r"\bcrosshead\b(?!.*absolut)|\btravers\w*\b(?!.*absolut)",
+        r"\b(position|pos|gap|size|hub|height)\b|\babsol\w*\b",
+        r"\b(capteur|dehnung|stauchung|deform\w*|extensometer|lvdt|strain)\b|\u53d8\u5f62",
+    ),
+    "temperature": (r"^t$|\btemp(erat\w*)?\b|\u6e29\u5ea6",),
+}
+ROLES = MappingProxyType(
+    {role: tuple(map(re.compile, patterns)) for role, patterns in _ROLES.items()}
+)
+DIMENSION = MappingProxyType(
+    {
+        "time": "time",
+        "force": "force",
+        "stress": "stress",
+        "strain": "strain",
+        "displacement": "length",
+        "temperature": "temperature",
+    }
+)
+
+# Columns whose zero is the machine's, not the specimen's.
+ABSOLUTE = re.compile(
+    r"\babsol\w*\b|^(position|pos|gap|size|height)\b|\bcapteur de course"
+)
+HEIGHT = re.compile(r"^(gap|size|height)\b")
+STEP_CLOCK = re.compile(r"\b(step|segment) time\b")
+TRUE = re.compile(r"\b(true|wahre?|vraie?|verdadera?|reale?|hencky)\b|\u771f")
+COMPRESSIVE = re.compile(
+    r"\bcompressi(ve|on)\b|\bdruck(kraft|spannung)\b|\bstauchung\b|\u538b\u7f29"
+)
+
+GEOMETRY = MappingProxyType(
+    {
+        field: re.compile(pattern)
+        for field, pattern in {
+            "area_mm2": r"\b(cross )?section(al)?( area)?\b|\barea\b|\bquerschnitt\w*|"
+            r"^s0$|^a0 area$|\bseccion\b|\bsezione\b|\baire\b|\u9762\u79ef",
+            "thickness_mm": r"\bthickness\b|dicke\b|\bepaisseur\b|\bespesor\b|"
+            r"\bspessore\b|^a0$|\u539a\u5ea6",
+            "width_mm": r"\bwidth\b|breite\b|\blargeur\b|\bancho\b|\banchura\b|"
+            r"\blarghezza\b|^b0$|\u5bbd\u5ea6",
+            "diameter_mm": r"\bdiameter\b|durchmesser\b|\bdiametre\b|\bdiametro\b|"
+            r"^d0$|\u76f4\u5f84",
+            "length_mm": r"\b(gau?ge|initial|specimen|sample|clamp|free|original) "
+            r"length\b|^length\b|^height\b|\bmesslange\b|^l ?[0co]\b|\bgrip (to grip )?"
+            r"(separation|distance)\b|\beinspannlange\b|\bausgangslange\b|\bhohe\b|"
+            r"\bversuchslange\b|\blongueur\b|\bhauteur\b|\blongitud\b|\balturas?\b|"
+            r"\blunghezza\b|\baltezza\b|\u6807\u8ddd|\u957f\u5ea6|\u9ad8\u5ea6",
+        }.items()
+    }
+)
+NOT_GEOMETRY = re.compile(
+    r"\b(final|end|break|bruch|change|after|unit|path|wave|cable|compensation|at|"
+    r"reduction|max|min|constant|load cell|calibration|plate)\b"
+)
+SPEED = re.compile(
+    r"\bspeed\b|\brate( 1)?\b|geschwindigkeit\b|\bvitesse\b|\bvelocidad\b|\bvelocita\b|"
+    r"^v ?\d$|\u901f\u5ea6"
+)
+SPECIMEN = re.compile(
+    r"\b(specimen|sample) (label|name|id|designation|identification)\b|^test run\b|"
+    r"\bproben(kennung|bezeichnung|name)\b|\bdesignation\b|^nom (de l )?eprouvette|"
+    r"\bnombre de (la )?probeta\b|\u8bd5\u6837"
+)
+MATERIAL = re.compile(
+    r"^(material|werkstoff|matiere|materiau|materiale|material name)$|\u6750\u6599"
+)
+
+
+def plain(name: str) -> str:
+    """A name as the patterns expect it: lower case, no accents, no punctuation.
+
+    >>> plain("Pr\u00fcfzeit"), plain("Tensile strain (Extension)"), plain("TestTime")
+    ('prufzeit', 'tensile strain extension', 'test time')
+    """
+    name = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", repair(name))
+    name = unicodedata.normalize("NFKD", name.replace("\u00df", "ss"))
+    name = re.sub("[\u0300-\u036f]", "", name)  # accents; Japanese marks stay
+    name = unicodedata.normalize("NFC", name).lower()
+    return " ".join(re.sub(r"[^\w]+|_+", " ", name).split())
+
+
+def rank(role: str, name: str) -> int | None:
+    """How well a column's plain name fits a role, 0 best; None: not at all.
+
+    >>> rank("time", "total time"), rank("time", "cycle elapsed time")
+    (0, None)
+    """
+    if _NOT.search(name):
+        return None
+    for i, pattern in enumerate(ROLES[role]):
+        if pattern.search(name):
+            return i
+    return None
