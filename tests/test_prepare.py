@@ -196,6 +196,19 @@ def test_smoothing_is_scipys_over_one_second_and_only_where_noisy():
     assert prepare.smooth(clean).log[-1].arguments["peak_to_peak_MPa"] == 0
 
 
+def test_smoothing_takes_noise_away_and_not_the_bend():
+    """A knee at strain 0.02, pulled at 0.25 /s: a second is a dozen knees long."""
+    strain = np.linspace(0, 2, 4001)
+    truth = -np.expm1(-strain / 0.02) + 0.1 * strain
+    rng = np.random.default_rng(0)
+    noisy = Recording(strain / 0.25, strain, truth + 0.002 * rng.standard_normal(4001))
+    guarded, plain = prepare.smooth(noisy), prepare.smooth(noisy, guard=np.inf)
+    assert plain.log[-1].arguments["window"] == 499
+    errors = [np.abs(r.stress_MPa - truth).max() for r in (plain, guarded, noisy)]
+    assert errors[0] > 0.4  # of a knee of 1: the rule alone loses it
+    assert errors[1] < errors[2]
+
+
 def test_noise_of_white_noise_on_a_curve():
     noisy = pulled(neo_hookean, noise=0.02, n=20001)
     assert prepare.noise(noisy.stress_MPa) == pytest.approx(0.02, rel=0.03)
