@@ -165,7 +165,7 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """A table as Markdown, its columns padded so that it reads well as it is.
 
     >>> print(markdown(["model", "NRMSE"], [["PL-SLS", "2.27 %"], ["network", None]]))
-    | model   | NRMSE  |
+    | model   |  NRMSE |
     | :------ | -----: |
     | PL-SLS  | 2.27 % |
     | network |      - |
