@@ -1,4 +1,4 @@
-"""The page to read first: what a parameter and a model are, and how input fails.
+"""The page to read first: what a parameter, a model and an effect are; how input fails.
 
 Units throughout: N, mm, s, MPa, degC; engineering strain and stress, compression
 negative. Time is axis 0; every other axis (parameter sets, columns) trails it.
@@ -48,7 +48,7 @@ class InputError(ValueError):
 class Parameter:
     """One number a model or an effect needs: its range is declared here, once.
 
-    >>> Parameter("relaxation_time", "s", 1e-3, 1e6, 1.0, "log", "of a branch").check(-1)
+    >>> Parameter("relaxation_time", "s", 1e-3, 1e6, 1.0, "log").check(-1)
     Traceback (most recent call last):
     ...
     softnn.contracts.InputError: relaxation_time is -1 s; allowed is 0.001 to 1e+06 s
@@ -154,3 +154,110 @@ def check_parameters(
         parameter.check(given[parameter.name])
 
 
+@dataclass(frozen=True)
+class Signal:
+    """What passes from rig to sensor, sample by sample: the ports an effect may wrap.
+
+    time_s (n,) and temperature_C (n,) or None; all others (n, sets). A `before` hook
+    sees the strains only; an `after` hook of the material changes `equilibrium` and
+    `branches`; one of the sensor changes `stress`, their sum once the material is done.
+    """
+
+    time_s: Array
+    strain: Array
+    branch_strain: Array
+    temperature_C: Array | None = None
+    equilibrium: Array | None = None
+    branches: Array | None = None
+    stress: Array | None = None
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical sizes in a set of recordings: where a search for an effect may start.
+
+    `duration_s` (recordings,) is one value a recording; all others are numbers.
+    """
+
+    strain: float  # largest absolute strain
+    stress_MPa: float  # largest absolute stress, a high quantile
+    interval_s: float  # typical time between samples
+    duration_s: Array
+    cycles: float = 1.0  # typical number of reversals / 2 in a recording
+    temperature_C: float = 0.0  # range of temperature; 0 without the channel
+
+
+class Effect(ABC):
+    """One piece of physics that a simulation can leave out: a causal operator.
+
+    It acts before the model (on the strain that reaches springs and branches) or
+    after it (on their stresses), at its `stage` alone, so effects compose in the order
+    rig, material, sensor. Both hooks take a chunk with carried state, as a model does:
+    state None is a virgin specimen; what comes back lets the next chunk go on. Hooks
+    get checked parameters as arrays that broadcast along `sets`.
+    """
+
+    stage: Literal["rig", "material", "sensor"]
+    ports: tuple[str, ...]  # the signals it wraps
+    parameters: tuple[Parameter, ...]
+    off: Mapping[str, float]  # the values at which it vanishes exactly
+    amplitude: str  # the parameter its size is proportional to, at least nearly
+    per_recording: tuple[str, ...] = ()  # each recording has its own value of these
+    shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
+    needs_temperature: bool = False
+    where: str = ""  # where in a recording it shows, in the words of the field
+    twins: Mapping[str, str] = {}  # id of what looks the same -> what tells them apart
+    exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here
+
+    @property
+    def id(self) -> str:
+        """The public name, that of the file."""
+        return type(self).__module__.rsplit(".", 1)[-1]
+
+    @property
+    def form(self) -> str:
+        """The form of the law, where an effect has several."""
+        return type(self).__name__
+
+    @property
+    def second_forms(self) -> tuple[Effect, ...]:
+        """Other laws for the same physics, tried once the effect is suspected."""
+        return ()
+
+    def before(
+        self, p: Mapping[str, Array], signal: Signal, state: State
+    ) -> tuple[Signal, State]:
+        """Change `strain` or `branch_strain` on its way to the model."""
+        return signal, state
+
+    def after(
+        self, p: Mapping[str, Array], signal: Signal, state: State
+    ) -> tuple[Signal, State]:
+        """Change `equilibrium`, `branches` (material) or `stress` (sensor)."""
+        return signal, state
+
+    @abstractmethod
+    def starts(self, scales: Scales) -> list[dict[str, Any]]:
+        """Parameter values of a clear but not extreme effect, to start a search from.
+
+        The first is what a test plants. Values of `per_recording` parameters may be
+        arrays (recordings,).
+        """
+
+    @abstractmethod
+    def telltale(self) -> Chunk:
+        """A strain programme on which the effect shows and can be told from others."""
+
+    @property
+    def acts_before(self) -> bool:
+        """Whether it changes the strain that the model gets."""
+        return type(self).before is not Effect.before
+
+    def prepare(self, parameters: Parameters) -> dict[str, Array]:
+        """Checked parameters as arrays (1,) or (sets,), as the hooks want them."""
+        check_parameters(self.parameters, parameters, self.id)
+        return {k: np.atleast_1d(np.asarray(v, float)) for k, v in parameters.items()}
+
+    def defaults(self) -> dict[str, float]:
+        """The default of every parameter, with those of `off` switched off."""
+        return {p.name: p.default for p in self.parameters} | dict(self.off)

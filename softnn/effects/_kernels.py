@@ -1,0 +1,153 @@
+"""The recursions that are truly sequential, compiled; imported where first needed.
+
+Signals are (n, sets), parameters and what is carried (sets,) or (sets, elements); a
+parameter of one value serves every set.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True)
+def first_order(step, signal, time_constant, before, carried, out):
+    """Output of a first-order lag for a signal that is straight between samples."""
+    n, sets = signal.shape
+    for s in range(sets):
+        tau = time_constant[s if time_constant.size > 1 else 0]
+        x0, y = before[s], carried[s]
+        for i in range(n):
+            x1 = signal[i, s]
+            if tau <= 0.0:
+                y = x1
+            elif step[i] > 0.0:
+                lost = -np.expm1(-step[i] / tau)
+                y = x1 + (1.0 - lost) * (y - x0) - (x1 - x0) * lost * tau / step[i]
+            x0 = x1
+            out[i, s] = y
+        before[s], carried[s] = x0, y
+
+
+@numba.njit(cache=True)
+def maxwell(step, increment, time, carried, out):
+    """Unit stress of one Maxwell branch for strain that is straight between samples."""
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if increment.shape[1] > 1 else 0
+        tau = time[s if time.size > 1 else 0]
+        q = carried[s]
+        for i in range(n):
+            x = step[i] / tau
+            lost = -np.expm1(-x)
+            gain = lost / x if x > 1e-9 else 1.0 - 0.5 * x
+            q = (1.0 - lost) * q + gain * increment[i, j]
+            out[i, s] = q
+        carried[s] = q
+
+
+@numba.njit(cache=True)
+def stops(increment, radius, weight, carried, out):
+    """Sum of elastic-perfectly plastic elements, each in units of its own limit."""
+    n, sets = out.shape
+    elements = weight.shape[1]
+    for s in range(sets):
+        j = s if increment.shape[1] > 1 else 0
+        k = s if radius.shape[0] > 1 else 0
+        for i in range(n):
+            total = 0.0
+            for e in range(elements):
+                r = radius[k, e]
+                z = min(max(carried[s, e] + increment[i, j], -r), r)
+                carried[s, e] = z
+                total += weight[k, e] * z / r
+            out[i, s] = total
+
+
+@numba.njit(cache=True)
+def bouc_wen(increment, radius, sharpness, carried, out):
+    """Bouc-Wen variable z in [-1, 1]: dz = (1 - |z|^n (z dx > 0)) dx / radius."""
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if increment.shape[1] > 1 else 0
+        r = radius[s if radius.size > 1 else 0]
+        power = sharpness[s if sharpness.size > 1 else 0]
+        z = carried[s]
+        for i in range(n):
+            dx = increment[i, j] / r
+            parts = int(min(max(np.ceil(abs(dx) * 4.0 * power), 1.0), 200.0))
+            d = dx / parts
+            for _ in range(parts):  # midpoint rule
+                a = d * (1.0 - (abs(z) ** power if z * d > 0 else 0.0))
+                m = z + 0.5 * a
+                z += d * (1.0 - (min(abs(m), 1.0) ** power if m * d > 0 else 0.0))
+                z = min(max(z, -1.0), 1.0)
+            out[i, s] = z
+        carried[s] = z
+
+
+@numba.njit(cache=True)
+def flow(step, increment, time, threshold, exponent, carried, out):
+    """Strain of a spring in series with a nonlinear dashpot, Strang splitting.
+
+    exponent 0 means Eyring, dg/dt = -(threshold/time) sinh(g/threshold), else a power
+    law, dg/dt = -(threshold/time) |g/threshold|^exponent; both relax in closed form.
+    """
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if increment.shape[1] > 1 else 0
+        tau = time[s if time.size > 1 else 0]
+        e0 = threshold[s if threshold.size > 1 else 0]
+        power = exponent[s if exponent.size > 1 else 0]
+        g = carried[s] / e0
+        for i in range(n):
+            dx = increment[i, j] / e0
+            parts = int(min(max(np.ceil(abs(dx) * 4.0), 1.0), 400.0))
+            h = step[i] / parts / tau
+            d = dx / parts
+            for _ in range(parts):
+                g += 0.5 * d
+                if h > 0.0:
+                    if power == 0.0:
+                        t = np.tanh(0.5 * g) * np.exp(-h)
+                        g = np.log1p(t) - np.log1p(-t) if abs(t) < 1 else g
+                    elif abs(power - 1.0) < 1e-9:
+                        g *= np.exp(-h)
+                    elif g != 0.0:
+                        a = abs(g)
+                        base = a ** (1.0 - power) + (power - 1.0) * h
+                        a = base ** (1.0 / (1.0 - power)) if base > 0.0 else 0.0
+                        g = a if g > 0 else -a
+                g += 0.5 * d
+            out[i, s] = g * e0
+        carried[s] = g * e0
+
+
+@numba.njit(cache=True)
+def reversals(strain, band, state, out):
+    """Number of half cycles completed so far; a reversal is a way back of `band`.
+
+    state (sets, 4): extreme since the last reversal, direction, count, largest strain.
+    `band` is a share of the largest absolute strain so far.
+    """
+    n, sets = strain.shape
+    for s in range(sets):
+        extreme, direction, count, peak = state[s]
+        for i in range(n):
+            e = strain[i, s]
+            peak = max(peak, abs(e))
+            if direction == 0.0:
+                if abs(e - extreme) > band * peak and e != extreme:
+                    direction = 1.0 if e > extreme else -1.0
+                    extreme = e
+            elif direction * (e - extreme) > 0:
+                extreme = e
+            elif direction * (extreme - e) > band * peak:
+                direction, extreme, count = -direction, e, count + 1.0
+            out[i, s] = count
+        state[s, 0], state[s, 1], state[s, 2], state[s, 3] = (
+            extreme,
+            direction,
+            count,
+            peak,
+        )

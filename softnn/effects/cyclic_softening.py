@@ -1,0 +1,85 @@
+r"""Stiffness that falls with the number of cycles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import cycles
+
+BAND = 0.05  # a way back of less than this share of the largest strain is no reversal
+
+
+class CyclicSoftening(Effect):
+    r"""Fatigue softening: a share of stiffness per decade of cycles.
+
+    .. math:: \sigma \to \sigma \left(1 - c \log_{10}(1 + N)\right)
+
+    loss c per decade, N the number of cycles so far (half the reversals). The factor is
+    not taken below 0.05. Payne and Whittaker 1972, doi:10.5254/1.3547464, find such
+    logarithmic laws in rubber.
+
+    In a recording: peaks of equal cycles fall, fast at first, then ever more slowly.
+    Mistaken for Mullins softening (over after one cycle) and for relaxation (which
+    depends on time and heals).
+    """
+
+    stage = "material"
+    ports = ("equilibrium", "branches")
+    parameters = (
+        Parameter("loss", "-", -0.2, 0.6, 0.12, meaning="c, share a decade of cycles"),
+    )
+    off = {"loss": 0.0}
+    amplitude = "loss"
+    where = "from cycle to cycle at the same amplitude"
+    twins = {
+        "mullins_softening": "many cycles at one amplitude",
+        "relaxation_branch": "the same cycles after a pause, or at another rate",
+        "load_cell_drift": "a stretch without load after the cycles",
+    }
+
+    @property
+    def second_forms(self):
+        return (TravelSoftening(),)
+
+    def count(self, signal, state):
+        from softnn.effects._kernels import reversals
+
+        strain = np.ascontiguousarray(signal.strain)
+        state = np.zeros((strain.shape[1], 4)) if state is None else state.copy()
+        out = np.empty_like(strain)
+        reversals(strain, BAND, state, out)
+        return out / 2, state
+
+    def after(self, p, signal, state):
+        number, state = self.count(signal, state)
+        factor = np.maximum(1 - p["loss"] * np.log10(1 + number), 0.05)
+        new = replace(
+            signal,
+            equilibrium=signal.equilibrium * factor,
+            branches=signal.branches * factor,
+        )
+        return new, state
+
+    def starts(self, scales):
+        return [{"loss": 0.12}]
+
+    def telltale(self):
+        return cycles([0.5] * 12, 0.2)
+
+
+class TravelSoftening(CyclicSoftening):
+    r"""The same, with cycles counted by travel: N = travel / (2 x range so far)."""
+
+    def count(self, signal, state):
+        last, travel, low, high = (0.0, 0.0, 0.0, 0.0) if state is None else state
+        step = np.abs(np.diff(signal.strain, axis=0, prepend=np.zeros((1, 1)) + last))
+        travel = travel + np.cumsum(step, axis=0)
+        low = np.minimum.accumulate(np.minimum(signal.strain, low))
+        high = np.maximum.accumulate(np.maximum(signal.strain, high))
+        number = travel / np.maximum(2 * (high - low), 1e-12)
+        # The first rise is no cycle yet: half a range of travel is where any test starts.
+        number = np.maximum(number - 0.5, 0.0)
+        return number, (signal.strain[-1:], travel[-1:], low[-1:], high[-1:])

@@ -1,0 +1,125 @@
+r"""Rate-independent friction inside the material or against the rig."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import cycles
+
+# Radii of the stop elements, in units of the presliding strain.
+RATIOS = np.array([0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
+
+
+class FrictionHysteresis(Effect):
+    r"""A loop that is as wide at every rate: elastic-perfectly plastic elements.
+
+    .. math:: \sigma \to \sigma + F (1 + \beta|\varepsilon|) \sum_k w_k z_k, \qquad
+              z_k = \mathrm{clip}(z_k + d\varepsilon / r_k, -1, 1)
+
+    friction F in MPa (half the height of the loop), presliding strain r; radii r_k are
+    r times 1/8 to 8, weights w_k log-normal about 1 with `spread` in octaves, adding to
+    one; growth beta per unit of strain. Stop operators of Prandtl and Ishlinskii;
+    Krasnosel'skii and Pokrovskii 1989, doi:10.1007/978-3-642-61302-9.
+
+    In a recording: an upper and a lower branch at a constant distance, whatever the
+    rate, and no relaxation. Mistaken for viscosity where there is only one rate.
+    """
+
+    stage = "material"
+    ports = ("equilibrium",)
+    parameters = (
+        Parameter("friction_MPa", "MPa", 0.0, 1e4, 0.05, meaning="F"),
+        Parameter("presliding", "-", 1e-5, 2.0, 0.02, "log", "r, strain to full slip"),
+        Parameter("spread", "-", 0.05, 4.0, 0.3, "log", "octaves over which r spreads"),
+        Parameter("growth", "-", -1.0, 50.0, 0.0, meaning="beta, per unit of strain"),
+    )
+    off = {"friction_MPa": 0.0}
+    amplitude = "friction_MPa"
+    shape = ("spread", "growth")
+    where = "after every reversal, alike at every rate"
+    twins = {
+        "relaxation_branch": "the same cycle at rates two decades apart, or a hold",
+        "nonlinear_viscosity": "the same cycle at rates two decades apart, or a hold",
+        "mullins_softening": "small cycles inside a large one",
+    }
+
+    @property
+    def second_forms(self):
+        return (BoucWen(),)
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import stops
+
+        last, carried = (np.zeros((1, 1)), None) if state is None else state
+        increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
+        radius, spread = np.broadcast_arrays(p["presliding"], p["spread"])
+        weight = np.exp(-0.5 * (np.log2(RATIOS) / spread[:, None]) ** 2)
+        weight /= weight.sum(axis=1, keepdims=True)
+        sets = max(increment.shape[1], radius.size)
+        if carried is None:
+            carried = np.zeros((sets, len(RATIOS)))
+        carried = np.broadcast_to(carried, (sets, len(RATIOS))).copy()
+        out = np.empty((len(increment), sets))
+        stops(increment, radius[:, None] * RATIOS, weight, carried, out)
+        return self._added(p, signal, out), (signal.strain[-1:], carried)
+
+    @staticmethod
+    def _added(p, signal, loop):
+        size = p["friction_MPa"] * np.maximum(
+            1 + p["growth"] * np.abs(signal.strain), 0
+        )
+        return replace(signal, equilibrium=signal.equilibrium + size * loop)
+
+    def starts(self, scales):
+        return [
+            {
+                "friction_MPa": 0.08 * scales.stress_MPa,
+                "presliding": float(np.clip(r * scales.strain, 1e-5, 2)),
+                "spread": 0.3,
+                "growth": 0.0,
+            }
+            for r in (0.03, 0.01, 0.1, 0.3)
+        ]
+
+    def telltale(self):
+        return cycles([0.3, 0.6, 0.6], 0.05, floor=0.1)
+
+
+class BoucWen(FrictionHysteresis):
+    r"""The same loop as a differential equation, sharp or rounded.
+
+    .. math:: dz = \frac{d\varepsilon}{r}
+              \left(1 - |z|^n \,[z\,d\varepsilon > 0]\right)
+
+    Bouc 1967; Wen 1976, doi:10.1061/JMCEA3.0002106 (beta = gamma = 1/2). n = 1 is
+    Dahl's friction.
+    """
+
+    parameters = (
+        *FrictionHysteresis.parameters[:2],
+        Parameter("sharpness", "-", 0.3, 20.0, 1.0, "log", "n of the transition"),
+        FrictionHysteresis.parameters[3],
+    )
+    shape = ("sharpness", "growth")
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import bouc_wen
+
+        last, carried = (np.zeros((1, 1)), 0.0) if state is None else state
+        increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
+        radius, power = p["presliding"], p["sharpness"]
+        sets = max(increment.shape[1], radius.size, power.size)
+        carried = np.broadcast_to(carried, (sets,)).copy()
+        out = np.empty((len(increment), sets))
+        bouc_wen(increment, radius, power, carried, out)
+        return self._added(p, signal, out), (signal.strain[-1:], carried)
+
+    def starts(self, scales):
+        plain = super().starts(scales)
+        return [
+            {k: v for k, v in s.items() if k != "spread"} | {"sharpness": 1.0}
+            for s in plain
+        ]

@@ -1,0 +1,80 @@
+r"""The load cell wanders with time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import ramps
+
+
+class LoadCellDrift(Effect):
+    r"""Stress that grows with time, whatever the specimen does.
+
+    .. math:: \sigma \to \sigma + a\,t
+
+    drift a in MPa/s, one for all recordings; t since the recording began, where the
+    cell was zeroed. Temperature drift of strain gauges, OIML R 60.
+
+    In a recording: slow, the same loaded or not, and largest in the longest recording.
+    Mistaken for a very long relaxation time (which needs load) and for a zero offset.
+    """
+
+    stage = "sensor"
+    ports = ("stress",)
+    parameters = (Parameter("drift_MPa_per_s", "MPa/s", -1.0, 1.0, 1e-4, meaning="a"),)
+    off = {"drift_MPa_per_s": 0.0}
+    amplitude = "drift_MPa_per_s"
+    where = "late in long recordings, loaded or not"
+    twins = {
+        "relaxation_branch": "a long stretch without load",
+        "zero_offset": "a longer recording",
+        "thermal_softening": "a stretch without load while the temperature changes",
+    }
+
+    @property
+    def second_forms(self):
+        return (OwnDrift(), WarmUp())
+
+    def after(self, p, signal, state):
+        start = signal.time_s[0] if state is None else state
+        t = (signal.time_s - start)[:, None]
+        return replace(signal, stress=signal.stress + self.wander(p, t)), start
+
+    def wander(self, p, t):
+        return p["drift_MPa_per_s"] * t
+
+    def starts(self, scales):
+        longest = float(np.max(scales.duration_s))
+        return [{"drift_MPa_per_s": float(min(0.08 * scales.stress_MPa / longest, 1))}]
+
+    def telltale(self):
+        return ramps([0, 0.5, 0.5, 0, 0, 0, 0.5, 0], 0.1)
+
+
+class OwnDrift(LoadCellDrift):
+    r"""A drift of its own in each recording."""
+
+    per_recording = ("drift_MPa_per_s",)
+
+    def starts(self, scales):
+        size = 0.05 * scales.stress_MPa / np.maximum(scales.duration_s, 1e-9)
+        return [{"drift_MPa_per_s": np.minimum(size, 1.0)}]
+
+
+class WarmUp(LoadCellDrift):
+    r"""Drift that dies away as the cell warms up: a tau (1 - exp(-t / tau))."""
+
+    parameters = LoadCellDrift.parameters + (
+        Parameter("warm_up_s", "s", 1e-2, 1e7, 100.0, "log", "tau"),
+    )
+
+    def wander(self, p, t):
+        return p["drift_MPa_per_s"] * p["warm_up_s"] * -np.expm1(-t / p["warm_up_s"])
+
+    def starts(self, scales):
+        longest = float(np.max(scales.duration_s))
+        tau = float(np.clip(0.5 * longest, 1e-2, 1e7))
+        return [super(WarmUp, self).starts(scales)[0] | {"warm_up_s": tau}]

@@ -1,0 +1,109 @@
+r"""Softer on reloading below the largest strain so far: the Mullins effect."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import erf
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import cycles
+
+
+class MullinsSoftening(Effect):
+    r"""Stress softening below the largest strain reached (Ogden and Roxburgh).
+
+    .. math:: \eta = 1 - d \;\mathrm{erf}\!\left(
+              \frac{\varepsilon_m^2 - \varepsilon^2}
+                   {s\,(c^2 + \varepsilon_m^2)}\right), \qquad
+              \varepsilon_m = \max_{s \le t} |\varepsilon|
+
+    Both parts of the stress are multiplied by eta, the branches by 1 - v (1 - eta).
+    depth d in [0, 1] is 1/r of the source; scale c is the strain above which softening
+    is full (m of the source), sharpness s its beta; energy is taken as quadratic in
+    strain, so that eta does not depend on the stress. viscous_share v in [0, 1]. Ogden
+    and Roxburgh 1999, doi:10.1098/rspa.1999.0431.
+
+    In a recording: the second loading to the same strain lies below the first, and
+    meets it at the largest strain so far. Mistaken for a set (which shifts), friction
+    (the second loop is as wide as the first) and relaxation (which a pause heals).
+    """
+
+    stage = "material"
+    ports = ("equilibrium", "branches")
+    parameters = (
+        Parameter("depth", "-", 0.0, 1.0, 0.4, meaning="d, loss of stiffness at most"),
+        Parameter("scale", "-", 1e-3, 10.0, 0.1, "log", "c, strain of full softening"),
+        Parameter("sharpness", "-", 0.02, 10.0, 0.7, "log", "s, how late it comes"),
+        Parameter("viscous_share", "-", 0.0, 1.0, 1.0, meaning="v, of the branches"),
+    )
+    off = {"depth": 0.0}
+    amplitude = "depth"
+    shape = ("sharpness", "viscous_share")
+    where = "on reloading and unloading below the largest strain so far"
+    twins = {
+        "permanent_set": "reloading to near zero strain: softening vanishes, a set stays",
+        "cyclic_softening": "many cycles at one amplitude",
+        "friction_hysteresis": "small cycles inside a large one",
+        "nonlinear_viscosity": "a second cycle after a pause",
+    }
+
+    @property
+    def second_forms(self):
+        return (SimoDamage(),)
+
+    def factor(self, p, strain, largest):
+        reach = (largest**2 - strain**2) / (p["scale"] ** 2 + largest**2)
+        return 1 - p["depth"] * erf(np.maximum(reach, 0) / p["sharpness"])
+
+    def after(self, p, signal, state):
+        size = np.abs(signal.strain)
+        largest = np.maximum.accumulate(np.maximum(size, 0 if state is None else state))
+        factor = self.factor(p, signal.strain, largest)
+        slow = 1 - p["viscous_share"] * (1 - factor)
+        new = replace(
+            signal,
+            equilibrium=signal.equilibrium * factor,
+            branches=signal.branches * slow,
+        )
+        return new, largest[-1:]
+
+    def starts(self, scales):
+        return [
+            {
+                "depth": 0.35,
+                "scale": float(np.clip(c * scales.strain, 1e-3, 10)),
+                "sharpness": s,
+                "viscous_share": v,
+            }
+            for c, s, v in ((0.2, 0.7, 1.0), (0.2, 0.7, 0.0), (1.0, 0.5, 1.0))
+        ]
+
+    def telltale(self):
+        return cycles([0.3, 0.3, 0.6, 0.6], 0.05)
+
+
+class SimoDamage(MullinsSoftening):
+    r"""Damage that depends on the largest strain alone, on first loading too.
+
+    .. math:: \eta = 1 - d \left(1 - e^{-(\varepsilon_m / c)^{1/s}}\right)
+
+    Simo 1987, doi:10.1016/0045-7825(87)90107-1. A spring of free shape absorbs what
+    this does to first loading, so it is seen on reloading only.
+    """
+
+    def factor(self, p, strain, largest):
+        power = np.minimum(1 / p["sharpness"], 20)
+        return 1 - p["depth"] * -np.expm1(-((largest / p["scale"]) ** power))
+
+    def starts(self, scales):
+        return [
+            {
+                "depth": 0.4,
+                "scale": float(np.clip(c * scales.strain, 1e-3, 10)),
+                "sharpness": 1.0,
+                "viscous_share": v,
+            }
+            for c, v in ((0.5, 1.0), (0.5, 0.0), (1.5, 1.0))
+        ]

@@ -1,0 +1,104 @@
+r"""A dashpot whose flow is not proportional to stress."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import ramps
+
+
+class NonlinearViscosity(Effect):
+    r"""An element of spring and Eyring dashpot in parallel to the rest.
+
+    .. math:: \sigma_v = E g, \qquad
+              \dot g = \dot\varepsilon - \frac{g_0}{\tau} \sinh\frac{g}{g_0}
+
+    stiffness E in MPa, time tau in s of the flow at low stress, threshold g0 as strain
+    of the spring (stress E g0), above which flow is exponential. Eyring 1936,
+    doi:10.1063/1.1749836.
+
+    In a recording: a loop whose height grows with the logarithm of rate, holds that
+    relax fast at first and then by equal steps per decade. Mistaken for friction (the
+    limit of small g0), a linear branch (large g0) and finite strain.
+    """
+
+    stage = "material"
+    ports = ("branches",)
+    parameters = (
+        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E"),
+        Parameter("time_s", "s", 1e-3, 1e9, 100.0, "log", "tau"),
+        Parameter(
+            "threshold", "-", 1e-5, 10.0, 0.03, "log", "g0, strain of the spring"
+        ),
+    )
+    off = {"stiffness_MPa": 0.0}
+    amplitude = "stiffness_MPa"
+    where = "in loops and holds, growing slowly with rate"
+    twins = {
+        "friction_hysteresis": "the same cycle at rates two decades apart",
+        "finite_strain": "the same strain at rates two decades apart",
+        "strain_dependent_relaxation": "holds at one strain reached at different rates",
+        "relaxation_branch": "holds at several strains",
+    }
+
+    @property
+    def second_forms(self):
+        return (PowerLawViscosity(),)
+
+    def exponent(self, p):
+        return np.zeros(1)
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import flow
+
+        last_time, last, carried = (
+            (signal.time_s[0], np.zeros((1, 1)), 0.0) if state is None else state
+        )
+        step = np.diff(signal.time_s, prepend=last_time)
+        increment = np.diff(signal.branch_strain, axis=0, prepend=last)
+        shape = (p["time_s"], p["threshold"], self.exponent(p))
+        sets = max(increment.shape[1], *(a.size for a in shape))
+        carried = np.broadcast_to(carried, (sets,)).copy()
+        out = np.empty((len(step), sets))
+        flow(step, np.ascontiguousarray(increment), *shape, carried, out)
+        new = replace(signal, branches=signal.branches + p["stiffness_MPa"] * out)
+        return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
+
+    def starts(self, scales):
+        size = 0.5 * scales.stress_MPa / scales.strain
+        middle = float(np.median(scales.duration_s))
+        return [
+            {
+                "stiffness_MPa": size,
+                "time_s": float(np.clip(time * middle, 1e-3, 1e9)),
+                "threshold": float(np.clip(share * scales.strain, 1e-5, 10)),
+            }
+            for share in (0.05, 0.015, 0.15)
+            for time in (1.0, 10.0, 0.1, 100.0)
+        ]
+
+    def telltale(self):
+        return ramps([0, 0.6, 0.6, 0.1, 0.1, 0.6, 0], [0.5, 1, 0.5, 1, 0.02, 0.02])
+
+
+class PowerLawViscosity(NonlinearViscosity):
+    r"""The same element with Norton's dashpot.
+
+    .. math:: \dot g = \dot\varepsilon - \frac{g_0}{\tau}
+              \left|\frac{g}{g_0}\right|^{n} \mathrm{sign}\, g
+
+    Norton 1929, *The Creep of Steel at High Temperatures*.
+    """
+
+    parameters = NonlinearViscosity.parameters + (
+        Parameter("exponent", "-", 1.0, 20.0, 4.0, "log", "n of the flow law"),
+    )
+
+    def exponent(self, p):
+        return p["exponent"]
+
+    def starts(self, scales):
+        return [s | {"exponent": 4.0} for s in super().starts(scales)]

@@ -1,0 +1,75 @@
+r"""Strain that stays when the load is gone, and grows with the largest strain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import cycles
+
+
+class PermanentSet(Effect):
+    r"""Residual strain: the stress-free length grows with the largest strain so far.
+
+    .. math:: \varepsilon_{el} = \varepsilon - a\,
+              \left(\max_{s \le t} \varepsilon^+(s)\right)^p
+              + a \left(\max_{s \le t} \varepsilon^-(s)\right)^p
+
+    a is the ratio of set to largest strain (at strain 1), p its exponent. On first
+    loading the set is part of the curve and cannot be seen; on reloading the curve is
+    shifted. `buckling` b scales what is left of negative elastic strain, 1 - b: a strip
+    with a set hangs slack. Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
+
+    Mistaken for slack (which does not grow), for a zero offset and for slow relaxation
+    (which a pause heals).
+    """
+
+    stage = "material"
+    ports = ("strain", "branch_strain")
+    parameters = (
+        Parameter("ratio", "-", 0.0, 0.95, 0.1, meaning="set over largest strain at 1"),
+        Parameter("exponent", "-", 0.2, 5.0, 1.0, "log", "growth of the set"),
+        Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="loss below the set"),
+    )
+    off = {"ratio": 0.0}
+    amplitude = "ratio"
+    shape = ("exponent", "buckling")
+    where = "on unloading and reloading, near zero stress"
+    twins = {
+        "slack": "cycles to growing strain: a set grows with them, slack does not",
+        "zero_offset": "cycles to growing strain from a zeroed load cell",
+        "grip_slip": "a second cycle to the same strain",
+        "mullins_softening": "reloading to near zero strain, where softening vanishes",
+    }
+
+    def before(self, p, signal, state):
+        a, power = p["ratio"], p["exponent"]
+        strain = signal.strain
+        above, below = (0.0, 0.0) if state is None else state
+        above = np.maximum.accumulate(np.maximum(np.maximum(strain, 0), above))
+        below = np.maximum.accumulate(np.maximum(np.maximum(-strain, 0), below))
+        shift = a * above**power - a * below**power
+
+        def elastic(value):
+            left = value - shift
+            # Buckled: on the far side of zero from where the set was made.
+            slack = (left * np.sign(shift)) < 0
+            return np.where(slack & (a > 0), (1 - p["buckling"]) * left, left)
+
+        new = replace(
+            signal,
+            strain=elastic(strain),
+            branch_strain=elastic(signal.branch_strain),
+        )
+        return new, (above[-1:], below[-1:])
+
+    def starts(self, scales):
+        return [
+            {"ratio": 0.1 * scales.strain ** (1 - p), "exponent": p, "buckling": b}
+            for p, b in ((1.0, 0.0), (2.0, 0.0), (1.0, 1.0))
+        ]
+
+    def telltale(self):
+        return cycles([0.3, 0.3, 0.6, 0.6], 0.05)

@@ -1,0 +1,68 @@
+r"""A relaxation time that the simulation lacks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import ramps
+
+
+class RelaxationBranch(Effect):
+    r"""One more Maxwell branch, in parallel.
+
+    .. math:: \dot\sigma_b + \sigma_b/\tau = E\,\dot\varepsilon
+
+    stiffness E in MPa, relaxation time tau in s; updated exactly for strain that is
+    straight between samples. Ferry, *Viscoelastic Properties of Polymers*, 1980, ch. 3.
+
+    In a recording: stress that falls in holds at a pace the simulation does not have,
+    loops at rates near 1/tau. Mistaken for friction (the same at every rate), for drift
+    (which goes on without load) and for a sensor that lags.
+    """
+
+    stage = "material"
+    ports = ("branches",)
+    parameters = (
+        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.3, meaning="E"),
+        Parameter("relaxation_time_s", "s", 1e-4, 1e7, 3.0, "log", "tau"),
+    )
+    off = {"stiffness_MPa": 0.0}
+    amplitude = "stiffness_MPa"
+    where = "in holds and after every change of rate"
+    twins = {
+        "friction_hysteresis": "the same cycle at rates two decades apart",
+        "load_cell_drift": "a long stretch without load",
+        "sensor_lag": "ramps at rates two decades apart",
+        "nonlinear_viscosity": "holds at several strains",
+    }
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import maxwell
+
+        last_time, last, carried = (
+            (signal.time_s[0], np.zeros((1, 1)), 0.0) if state is None else state
+        )
+        step = np.diff(signal.time_s, prepend=last_time)
+        increment = np.diff(signal.branch_strain, axis=0, prepend=last)
+        tau = p["relaxation_time_s"]
+        sets = max(increment.shape[1], tau.size)
+        carried = np.broadcast_to(carried, (sets,)).copy()
+        out = np.empty((len(step), sets))
+        maxwell(step, np.ascontiguousarray(increment), tau, carried, out)
+        new = replace(signal, branches=signal.branches + p["stiffness_MPa"] * out)
+        return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
+
+    def starts(self, scales):
+        longest = 2 * float(np.max(scales.duration_s))
+        times = np.geomspace(2 * scales.interval_s, longest, 8)
+        size = 0.3 * scales.stress_MPa / scales.strain
+        return [
+            {"stiffness_MPa": size, "relaxation_time_s": float(np.clip(t, 1e-4, 1e7))}
+            for t in (times[4], *times)
+        ]
+
+    def telltale(self):
+        return ramps([0, 0.5, 0.5, 0.2, 0.2, 0.5, 0], [0.5, 1, 0.1, 1, 0.02, 0.1])

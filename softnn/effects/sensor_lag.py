@@ -1,0 +1,107 @@
+r"""The stress channel trails the strain channel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import cycles
+
+LONGEST_S = 20.0
+
+
+class SensorLag(Effect):
+    r"""First-order lag of the stress channel (an amplifier's filter).
+
+    .. math:: \tau \dot\sigma_{out} + \sigma_{out} = \sigma
+
+    time_constant tau in s, exact for stress that is straight between samples; the
+    channel has settled when a recording begins. Doebelin, *Measurement Systems*, ch. 3.
+
+    In a recording: the loop is run through the wrong way round or too wide, the more so
+    the faster; reversals of stress come late. Mistaken for slack (the same at every
+    rate) and for a viscous branch (whose stress leads, not trails).
+    """
+
+    stage = "sensor"
+    ports = ("stress",)
+    parameters = (
+        Parameter("time_constant_s", "s", 0.0, LONGEST_S, 0.2, meaning="tau"),
+    )
+    off = {"time_constant_s": 0.0}
+    amplitude = "time_constant_s"
+    where = "after every change of rate, growing with rate"
+    twins = {
+        "relaxation_branch": "a sine at two frequencies",
+        "slack": "ramps at rates two decades apart",
+        "inertia": "a sine at two frequencies",
+    }
+
+    @property
+    def second_forms(self):
+        return (Delay(),)
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import first_order
+
+        tau, x = p["time_constant_s"], signal.stress
+        sets = max(x.shape[1], tau.size)
+        x = np.ascontiguousarray(np.broadcast_to(x, (len(x), sets)))
+        if state is None:
+            state = (signal.time_s[0], x[0].copy(), x[0].copy())
+        last, before, carried = state
+        before = np.broadcast_to(before, (sets,)).copy()
+        carried = np.broadcast_to(carried, (sets,)).copy()
+        step = np.diff(signal.time_s, prepend=last)
+        out = np.empty_like(x)
+        first_order(step, x, tau, before, carried, out)
+        return replace(signal, stress=out), (signal.time_s[-1], before, carried)
+
+    def starts(self, scales):
+        return [
+            {"time_constant_s": float(min(k * scales.interval_s, LONGEST_S))}
+            for k in (3.0, 1.0)
+        ]
+
+    def telltale(self):
+        return cycles([0.3, 0.6, 0.6], 0.2)
+
+
+class Delay(SensorLag):
+    r"""The same as a pure delay: channels that are not started together.
+
+    .. math:: \sigma_{out}(t) = \sigma(t - \tau)
+    """
+
+    def after(self, p, signal, state):
+        tau = p["time_constant_s"]
+        time, x = signal.time_s, signal.stress
+        if state is not None:
+            time = np.concatenate([state[0], time])
+            kept = np.broadcast_to(state[1], (len(state[1]), x.shape[1]))
+            x = np.concatenate([kept, x])
+        out = np.concatenate(
+            [
+                _at(
+                    signal.time_s - d,
+                    time,
+                    x if tau.size == 1 or x.shape[1] == 1 else x[:, i : i + 1],
+                )
+                for i, d in enumerate(tau)
+            ],
+            axis=1,
+        )
+        keep = max(int(np.searchsorted(time, time[-1] - LONGEST_S)) - 1, 0)
+        return replace(signal, stress=out), (time[keep:], x[keep:])
+
+
+def _at(when, time, x):
+    """x (n, m) at `when`, straight between samples, constant before the first."""
+    if len(time) == 1:
+        return np.repeat(x, len(when), axis=0)
+    i = np.clip(np.searchsorted(time, when, side="right") - 1, 0, len(time) - 2)
+    gap = np.maximum(time[i + 1] - time[i], 1e-300)
+    share = np.clip((when - time[i]) / gap, 0.0, 1.0)[:, None]
+    return x[i] * (1 - share) + x[i + 1] * share

@@ -1,0 +1,71 @@
+r"""The specimen hangs loose in the grips until its gap is taken up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import cycles
+
+
+class Slack(Effect):
+    r"""Take-up: no strain reaches the specimen before the gap is closed.
+
+    .. math:: \varepsilon_{spec} = \varepsilon - T(\varepsilon), \qquad
+              T = \min(\varepsilon, g) \text{ for } \varepsilon > 0
+
+    g is the gap of a recording as strain, 0 to 0.5. With `toe` w > 0 the corner at g is
+    rounded over w g: a foot in place of a dead zone. ASTM D638-14, annex A1 (toe
+    compensation).
+
+    In a recording: no stress at first, then the curve as ever, shifted. Mistaken for a
+    zero offset (which is there before any strain), for a soft foot of the material
+    (which all recordings share) and for a set (which grows).
+    """
+
+    stage = "rig"
+    ports = ("strain", "branch_strain")
+    parameters = (
+        Parameter("gap", "-", 0.0, 0.5, 0.03, meaning="strain taken up by slack"),
+        Parameter("toe", "-", 0.0, 3.0, 0.0, meaning="width of the foot over the gap"),
+    )
+    off = {"gap": 0.0}
+    amplitude = "gap"
+    per_recording = ("gap",)
+    shape = ("toe",)
+    where = "at small strain, before the specimen is taut"
+    twins = {
+        "zero_offset": "a hold at zero strain before loading",
+        "permanent_set": "a second loading beyond the first maximum",
+        "grip_slip": "several cycles at one amplitude",
+    }
+
+    def before(self, p, signal, state):
+        gap, toe = p["gap"], p["toe"]
+
+        def taut(strain):
+            width = np.maximum(toe * gap, 1e-12)
+            x = strain - gap
+            # Rounded ramp: quadratic over gap -+ width, straight outside.
+            soft = np.where(
+                x > width, x, np.where(x > -width, (x + width) ** 2 / 4 / width, 0)
+            )
+            loose = np.where(strain > 0, np.minimum(soft, strain), strain)
+            return np.where(gap > 0, loose, strain)
+
+        return (
+            replace(
+                signal,
+                strain=taut(signal.strain),
+                branch_strain=taut(signal.branch_strain),
+            ),
+            None,
+        )
+
+    def starts(self, scales):
+        return [{"gap": 0.04 * scales.strain, "toe": 0.0}]
+
+    def telltale(self):
+        return cycles([0.3, 0.6, 0.6], 0.05)

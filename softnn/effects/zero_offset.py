@@ -1,0 +1,43 @@
+r"""The load cell does not read zero without load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import ramps
+
+
+class ZeroOffset(Effect):
+    r"""A constant added to the stress of a recording.
+
+    .. math:: \sigma \to \sigma + \sigma_0
+
+    offset sigma_0 in MPa, one a recording, either sign. Zero balance of a force-proving
+    instrument, ISO 376.
+
+    In a recording: the same from the first sample to the last, without any strain.
+    Mistaken for slack, for a set and, in one recording alone, for drift.
+    """
+
+    stage = "sensor"
+    ports = ("stress",)
+    parameters = (Parameter("offset_MPa", "MPa", -1e3, 1e3, 0.02, meaning="sigma_0"),)
+    off = {"offset_MPa": 0.0}
+    amplitude = "offset_MPa"
+    per_recording = ("offset_MPa",)
+    where = "all through some recordings, at any strain"
+    twins = {
+        "slack": "a hold at zero strain before loading",
+        "load_cell_drift": "a longer recording",
+        "permanent_set": "a first loading from zero",
+    }
+
+    def after(self, p, signal, state):
+        return replace(signal, stress=signal.stress + p["offset_MPa"]), None
+
+    def starts(self, scales):
+        return [{"offset_MPa": float(min(0.05 * scales.stress_MPa, 1e3))}]
+
+    def telltale(self):
+        return ramps([0, 0, 0.5, 0.5, 0, 0], 0.1)

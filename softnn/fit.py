@@ -1,0 +1,484 @@
+r"""Separable least squares: base stiffnesses exactly, the few other parameters by search.
+
+For fixed parameters of the effects the stress is linear, or nearly so, in the
+non-negative stiffnesses of the base. Each step solves one bounded least-squares problem
+for the stiffnesses and for the change of the other parameters together (Kaufman's form
+of variable projection, 1975, doi:10.1007/BF01932995), damped as Levenberg and Marquardt
+do; the new point is judged with stiffnesses solved for exactly there. Residuals are
+whitened by the noise of each recording (level, and correlation in time).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from softnn.bounded import bounded
+from softnn.contracts import Array, Chunk, Effect, InputError, Scales, Signal
+from softnn.models.units import Units
+from softnn.simulate import Memory, Term, measured, reach, run_on
+
+RIDGE = 1e-11  # of each diagonal entry: keeps collinear branches solvable
+
+
+@dataclass(frozen=True)
+class Data:
+    """Recordings as a fit wants them: histories without gaps, stress with a mask."""
+
+    names: tuple[str, ...]
+    chunks: tuple[Chunk, ...]
+    stress_MPa: tuple[Array, ...]
+    continued: bool = False
+    simulated_MPa: tuple[Array, ...] | None = None
+
+    @property
+    def starts(self) -> Array:
+        """Where each recording begins among all samples, and the end of the last."""
+        return np.concatenate([[0], np.cumsum([len(s) for s in self.stress_MPa])])
+
+    def scales(self) -> Scales:
+        """Sizes from which searches start; high quantiles, so that spikes do not rule."""
+        strain = np.concatenate([np.abs(c.strain) for c in self.chunks])
+        stress = np.abs(np.concatenate(self.stress_MPa))
+        steps = np.concatenate([np.diff(c.time_s) for c in self.chunks])
+        warm = [c.temperature_C for c in self.chunks if c.temperature_C is not None]
+        spread = np.concatenate(warm) if warm else np.zeros(1)
+        return Scales(
+            strain=float(strain.max()),
+            stress_MPa=float(np.nanquantile(stress, 0.998)),
+            interval_s=float(np.median(steps[steps > 0])),
+            duration_s=np.array([c.time_s[-1] - c.time_s[0] for c in self.chunks]),
+            temperature_C=float(np.nanmax(spread) - np.nanmin(spread)),
+        )
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An effect in a fit: its values, which of them are free, and for which recordings.
+
+    `groups` are the sets of recordings that share a value of the `per_recording`
+    parameters; recordings in no group stay off.
+    """
+
+    effect: Effect
+    values: dict[str, Any]
+    free: tuple[str, ...]
+    groups: tuple[tuple[int, ...], ...] = ()
+
+    def term(self) -> Term:
+        return Term(self.effect, self.values)
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A point of the search: base, stiffnesses (columns,) in MPa, pieces."""
+
+    units: Units
+    stiffness: Array
+    pieces: tuple[Piece, ...] = ()
+
+    def terms(self) -> list[Term]:
+        return [p.term() for p in self.pieces]
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One free number of a guess; piece -1 is the base."""
+
+    piece: int
+    name: str
+    recordings: tuple[int, ...] | None  # None: shared by all
+    logarithmic: bool
+    low: float
+    high: float
+    typical: float
+
+    def inside(self, value: float) -> float:
+        return float(np.log(value)) if self.logarithmic else value / self.typical
+
+    def outside(self, value: float) -> float:
+        v = np.exp(value) if self.logarithmic else value * self.typical
+        return float(np.clip(v, self.low, self.high))
+
+
+def slots(guess: Guess) -> list[Slot]:
+    """The free numbers of a guess beside the stiffnesses."""
+    out = []
+    for j, time in enumerate(guess.units.relaxation_times):
+        if guess.units.name.endswith("sls"):
+            out.append(Slot(-1, str(j), None, True, time / 1e4, time * 1e4, time))
+    for i, piece in enumerate(guess.pieces):
+        for p in piece.effect.parameters:
+            if p.name not in piece.free:
+                continue
+            own = p.name in piece.effect.per_recording
+            for group in piece.groups if own else [None]:
+                value = np.asarray(piece.values[p.name])
+                value = float(value[group[0]]) if group is not None else float(value)
+                typical = abs(value) or abs(p.default) or 1.0
+                out.append(
+                    Slot(i, p.name, group, p.scale == "log", p.low, p.high, typical)
+                )
+    return out
+
+
+def get(guess: Guess, slot: Slot) -> float:
+    if slot.piece < 0:
+        return guess.units.relaxation_times[int(slot.name)]
+    value = guess.pieces[slot.piece].values[slot.name]
+    return float(value if slot.recordings is None else value[slot.recordings[0]])
+
+
+def put(guess: Guess, where: Sequence[Slot], values: Sequence[float]) -> Guess:
+    """The guess with other values in the slots."""
+    pieces = [dict(p.values) for p in guess.pieces]
+    times = list(guess.units.relaxation_times)
+    for slot, value in zip(where, values, strict=True):
+        if slot.piece < 0:
+            times[int(slot.name)] = value
+        elif slot.recordings is None:
+            pieces[slot.piece][slot.name] = value
+        else:
+            array = np.array(pieces[slot.piece][slot.name], float)
+            array[list(slot.recordings)] = value
+            pieces[slot.piece][slot.name] = array
+    units = guess.units
+    if tuple(times) != units.relaxation_times:
+        units = replace(units, relaxation_times=tuple(times))
+    return Guess(
+        units,
+        guess.stiffness,
+        tuple(replace(p, values=v) for p, v in zip(guess.pieces, pieces, strict=True)),
+    )
+
+
+class Engine:
+    """Simulates the data for many guesses; keeps what does not change between them."""
+
+    def __init__(
+        self,
+        data: Data,
+        sigma_MPa: Sequence[Array] | None = None,
+        correlation_s: Sequence[float] | None = None,
+        remainder: Sequence[Array] | None = None,
+    ) -> None:
+        """`sigma_MPa` (n,) and `correlation_s` of each recording: its noise.
+
+        `remainder` (n,) of each recording is added to the equilibrium stress: what a
+        simulation that is not refitted has beyond its stand-in.
+        """
+        self.data = data
+        self.chunks = run_on(data.chunks, data.continued)
+        self.remainder = remainder
+        self.measured = np.concatenate(data.stress_MPa)
+        self.valid = np.isfinite(self.measured)
+        self.recording = np.repeat(
+            np.arange(len(data.chunks)), [len(s) for s in data.stress_MPa]
+        )
+        self.owner = self.recording[self.valid]
+        self.target = self.measured[self.valid]
+        self._cache: dict[Any, Any] = {}
+        self.set_noise(sigma_MPa, correlation_s)
+
+    def set_noise(
+        self,
+        sigma_MPa: Sequence[Array] | None,
+        correlation_s: Sequence[float] | None,
+    ) -> None:
+        n = len(self.measured)
+        sigma = np.ones(n) if sigma_MPa is None else np.concatenate(sigma_MPa)
+        self.sigma = sigma[self.valid]
+        time = np.concatenate([c.time_s for c in self.data.chunks])[self.valid]
+        tau = (
+            np.zeros(len(self.data.chunks)) if correlation_s is None else correlation_s
+        )
+        step = np.diff(time, prepend=time[:1])
+        first = np.diff(self.owner, prepend=-1) != 0
+        own = np.maximum(np.asarray(tau, float)[self.owner], 1e-12)
+        phi = np.where(first, 0.0, np.exp(-np.maximum(step, 1e-12) / own))
+        self.phi = np.minimum(phi, 0.995)
+        self.scale = 1 / (self.sigma * np.sqrt(1 - self.phi**2))
+
+    def whiten(self, x: Array) -> Array:
+        """Rows (valid samples, ...) as if the noise were independent, of variance 1."""
+        x = x / (self.sigma if x.ndim == 1 else self.sigma[:, None])
+        norm = np.sqrt(1 - self.phi**2)
+        out = x.copy()
+        if x.ndim == 1:
+            out[1:] -= self.phi[1:] * x[:-1]
+            return out / norm
+        out[1:] -= self.phi[1:, None] * x[:-1]
+        out /= norm[:, None]
+        return out
+
+    def columns(self, units: Units, r: int, chunk: Chunk, state: Any) -> Any:
+        """Unit columns of recording r; remembered when the strain is the commanded one."""
+        plain = chunk.strain is self.chunks[r].strain or chunk.branch_strain is None
+        key = (units, r)
+        if plain and key in self._cache:
+            return self._cache[key]
+        dkey = (units.relaxation_times, r)
+        last, inner = (None, None) if state is None else state
+        if dkey not in self._cache:
+            if len(self._cache) > 400:
+                self._cache.clear()
+            self._cache[dkey] = units.decays(chunk.time_s, last)
+        seen = chunk.strain if chunk.branch_strain is None else chunk.branch_strain
+        branch, inner = units.branches(self._cache[dkey], seen, inner)
+        out = (units.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner))
+        if plain:
+            self._cache[key] = out
+        return out
+
+    def run(self, guess: Guess, columns: bool) -> tuple[Array, Array | None]:
+        """Stress (valid,) of a guess and, if asked, its derivative by each stiffness.
+
+        The derivative is a difference over a small step, pushed through the effects
+        all columns at once; for effects that are linear in stress it is exact.
+        """
+        terms = guess.terms()
+        x, segments = guess.stiffness, guess.units.segments
+        before = any(t.effect.acts_before for t in terms)
+        after = any(type(t.effect).after is not Effect.after for t in terms)
+        stress, slope = [], []
+        memory: Memory = {}
+        state = None
+        for r, chunk in enumerate(self.chunks):
+            if not self.data.continued:
+                memory, state = {}, None
+            values = [t.at(r) for t in terms]
+            signal = reach(terms, values, chunk, memory)
+            inner = chunk
+            if before:
+                inner = Chunk(
+                    chunk.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]
+                )
+            springs, branch, state = self.columns(guess.units, r, inner, state)
+            eq = springs @ x[:segments]
+            if self.remainder is not None:
+                eq = eq + self.remainder[r]
+            br = branch @ x[segments:]
+            if not after:
+                stress.append(eq + br)
+                if columns:
+                    slope.append(np.concatenate([springs, branch], axis=1))
+                continue
+            if not columns:
+                out = self._through(
+                    terms, values, signal, eq[:, None], br[:, None], memory
+                )
+                stress.append(out[:, 0])
+                continue
+            size = np.abs(eq + br).max() + 1e-30
+            height = np.maximum(np.abs(springs).max(axis=0), 1e-30)
+            h = np.concatenate(
+                [
+                    1e-4 * size / height,
+                    1e-4 * size / np.maximum(np.abs(branch).max(axis=0), 1e-30),
+                ]
+            )
+            k = len(h)
+            e = np.repeat(eq[:, None], k + 1, axis=1)
+            b = np.repeat(br[:, None], k + 1, axis=1)
+            e[:, 1 : 1 + segments] += springs * h[:segments]
+            b[:, 1 + segments :] += branch * h[segments:]
+            out = self._through(terms, values, signal, e, b, memory)
+            stress.append(out[:, 0])
+            slope.append((out[:, 1:] - out[:, :1]) / h)
+        flat = np.concatenate(stress)[self.valid]
+        return flat, np.concatenate(slope)[self.valid] if columns else None
+
+    @staticmethod
+    def _through(
+        terms: Any, values: Any, signal: Signal, eq: Array, br: Array, memory: Memory
+    ) -> Array:
+        return measured(
+            terms, values, replace(signal, equilibrium=eq, branches=br), memory
+        )
+
+    def by_recording(self, x: Array) -> list[Array]:
+        """Values of valid samples, as one array with NaN elsewhere a recording."""
+        full = np.full(len(self.measured), np.nan)
+        full[self.valid] = x
+        return np.split(full, self.data.starts[1:-1])
+
+
+@dataclass
+class Fit:
+    """A guess at its best, with the normal equations there (whitened, by recording)."""
+
+    guess: Guess
+    stress: Array  # (valid,)
+    chi2: float
+    slots: list[Slot]
+    jacobian: Array  # (valid, stiffnesses + slots), whitened
+    residual: Array  # (valid,), whitened, measured minus simulated
+    fixed_base: bool
+    iterations: int = 0
+
+    @property
+    def parameters(self) -> int:
+        """Free numbers: stiffnesses above zero and slots."""
+        base = 0 if self.fixed_base else int((self.guess.stiffness > 0).sum())
+        return base + len(self.slots)
+
+
+def solve_base(
+    engine: Engine, guess: Guess, fixed: bool
+) -> tuple[Guess, Array, Array, Array, float]:
+    """The guess with its best stiffnesses; stress, whitened slope, residual, chi2."""
+    stress, slope = engine.run(guess, True)
+    assert slope is not None
+    a = engine.whiten(slope)
+    residual = engine.whiten(engine.target - stress)
+    if fixed:
+        return guess, stress, a, residual, float(residual @ residual)
+    x = guess.stiffness
+    target = residual + a @ x
+    gram = a.T @ a
+    new = _bounded(gram, a.T @ target, np.zeros(len(x)), np.full(len(x), np.inf), x)
+    guess = replace(guess, stiffness=new)
+    # Not the linearised stress: a clipped or one-sided effect bends between the two.
+    stress, _ = engine.run(guess, False)
+    residual = engine.whiten(engine.target - stress)
+    return (
+        guess,
+        stress,
+        a,
+        residual,
+        float(residual @ residual),
+    )
+
+
+def _bounded(gram: Array, right: Array, low: Array, high: Array, start: Array) -> Array:
+    d = np.sqrt(np.diag(gram))
+    d = np.where(d > 0, d, 1.0)
+    scaled = gram / np.outer(d, d)
+    scaled[np.diag_indices_from(scaled)] += RIDGE
+    return bounded(scaled, right / d, low * d, high * d, start * d) / d
+
+
+def derivative(engine: Engine, guess: Guess, where: list[Slot], stress: Array) -> Array:
+    """Change of stress (valid, slots) with each slot, one-sided into the bounds."""
+    out = np.zeros((len(stress), len(where)))
+    apart = not engine.data.continued
+    done: set[int] = set()
+    for j, slot in enumerate(where):
+        if j in done:
+            continue
+        # Recordings do not see each other: all own values move in one pass.
+        together = [j]
+        if apart and slot.recordings is not None:
+            together = [
+                k
+                for k, other in enumerate(where)
+                if other.piece == slot.piece and other.name == slot.name
+            ]
+        done.update(together)
+        moved, steps = [], []
+        for k in together:
+            z = where[k].inside(get(guess, where[k]))
+            step = 1e-3
+            top = where[k].inside(where[k].high)
+            if z + step > top:
+                step = -step
+            moved.append(where[k].outside(z + step))
+            steps.append(step)
+        bumped, _ = engine.run(put(guess, [where[k] for k in together], moved), False)
+        change = bumped - stress
+        for k, step in zip(together, steps, strict=True):
+            group = where[k].recordings
+            own = change / step
+            if group is not None and apart:
+                own = np.where(np.isin(engine.owner, group), own, 0.0)
+            out[:, k] = own
+    return out
+
+
+def fit(
+    engine: Engine,
+    guess: Guess,
+    *,
+    fixed_base: bool = False,
+    iterations: int = 12,
+    tolerance: float = 1e-4,
+) -> Fit:
+    """The best point near `guess`. `tolerance` is the relative change of chi2 to stop at."""
+    guess, stress, a, residual, chi2 = solve_base(engine, guess, fixed_base)
+    where = slots(guess)
+    damping, count = 1e-3, 0
+    jacobian = np.zeros((len(stress), 0))
+    fresh = False
+    for count in range(1, iterations + 1):
+        if not where:
+            break
+        exact, _ = engine.run(guess, False)
+        jacobian = engine.whiten(derivative(engine, guess, where, exact))
+        fresh = True
+        z = np.array([s.inside(get(guess, s)) for s in where])
+        low = np.array(
+            [s.inside(s.low) if s.low > 0 or not s.logarithmic else -40 for s in where]
+        )
+        high = np.array([s.inside(s.high) for s in where])
+        base = a.shape[1] if not fixed_base else 0
+        joint = np.concatenate([a, jacobian], axis=1) if base else jacobian
+        gram = joint.T @ joint
+        target = residual + (a @ guess.stiffness if base else 0)
+        right = joint.T @ target
+        better = False
+        for _ in range(6):
+            damped = gram.copy()
+            i = np.arange(base, len(gram))
+            damped[i, i] += damping * np.maximum(gram[i, i], 1e-12 * gram.max()) + 1e-30
+            step = _bounded(
+                damped,
+                right,
+                np.concatenate([np.zeros(base), low - z]),
+                np.concatenate([np.full(base, np.inf), high - z]),
+                np.concatenate([guess.stiffness if base else [], np.zeros(len(z))]),
+            )
+            dz = np.clip(step[base:], -2.0, 2.0) if len(z) else step[base:]
+            dz = np.where([s.logarithmic for s in where], dz, step[base:])
+            trial = put(
+                guess, where, [s.outside(v) for s, v in zip(where, z + dz, strict=True)]
+            )
+            if base:
+                trial = replace(trial, stiffness=step[:base])
+            new = solve_base(engine, trial, fixed_base)
+            if new[4] < chi2:
+                better = True
+                break
+            damping = max(damping * 8, 1e-4)
+        if not better:
+            break
+        gained = (chi2 - new[4]) / max(chi2, 1e-300)
+        guess, stress, a, residual, chi2 = new
+        fresh = False
+        damping = max(damping / 5, 1e-7)
+        if gained < tolerance:
+            break
+    stress, slope = engine.run(guess, True)  # not the linearised one
+    assert slope is not None
+    a = engine.whiten(slope)
+    residual = engine.whiten(engine.target - stress)
+    if where and not fresh:
+        jacobian = engine.whiten(derivative(engine, guess, where, stress))
+    return Fit(
+        guess,
+        stress,
+        float(residual @ residual),
+        where,
+        np.concatenate([a, jacobian], axis=1),
+        residual,
+        fixed_base,
+        count,
+    )
+
+
+def check_data(data: Data) -> None:
+    """Raise `InputError` for data no base can be fitted to."""
+    if not data.chunks:
+        raise InputError("no recordings; a case needs one at least")

@@ -1,0 +1,230 @@
+"""A case: a folder of recordings, and what `case.toml` says about them."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from softnn.contracts import Array, Chunk, InputError
+from softnn.fit import Data
+from softnn.models.units import BASES
+from softnn.readers.tidy import read_text, read_tidy
+from softnn.recording import Recording
+
+KEYS = ("model", "history", "specimen")
+HISTORIES = ("fresh", "continued")
+LARGEST_STRAIN = 15.0  # 1500 %: beyond what any elastomer here stands
+LARGEST_STRESS_MPa = 2000.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """Recordings of one case; `simulated_MPa` where somebody else's solver was used."""
+
+    name: str
+    recordings: tuple[Recording, ...]
+    model: str | None = None
+    history: str = "fresh"
+    specimen: dict[str, str] = field(default_factory=dict)
+    simulated_MPa: tuple[Array, ...] | None = None
+    folder: Path | None = None
+
+    def groups(self) -> list[tuple[int, ...]]:
+        """Recordings of each specimen, where several are named; else nothing."""
+        if len(set(self.specimen.values())) < 2:
+            return []
+        by: dict[str, list[int]] = {}
+        for i, recording in enumerate(self.recordings):
+            by.setdefault(self.specimen.get(recording.name, ""), []).append(i)
+        return [tuple(v) for v in by.values()]
+
+
+def read_case(folder: str | Path) -> Case:
+    """The case in `folder`. Raises `InputError` naming file, row and column."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(
+            "no such folder; a case is a folder with recordings/*.csv", file=folder
+        )
+    inner = folder / "recordings"
+    files = sorted((inner if inner.is_dir() else folder).glob("*.csv"))
+    files = [f for f in files if f.name != "index.csv"]
+    if not files:
+        raise InputError("no recordings; a case needs recordings/*.csv", file=folder)
+    about = _about(folder / "case.toml")
+    recordings = tuple(read_tidy(f) for f in files)
+    for recording, file in zip(recordings, files, strict=True):
+        check_sizes(recording, file)
+    specimen = {
+        Path(k).stem if k.endswith(".csv") else k: v
+        for k, v in about.get("specimen", {}).items()
+    }
+    unknown = set(specimen) - {r.name for r in recordings}
+    if unknown:
+        raise InputError(
+            f"[specimen] names {sorted(unknown)[0]!r}, which is no recording here",
+            file=folder / "case.toml",
+        )
+    simulated = [_simulated(f, len(r)) for f, r in zip(files, recordings, strict=True)]
+    if any(s is not None for s in simulated) and any(s is None for s in simulated):
+        i = next(i for i, s in enumerate(simulated) if s is None)
+        raise InputError(
+            "no such column, yet other recordings of the case have it",
+            file=files[i],
+            row=1,
+            column="simulated_MPa",
+        )
+    return Case(
+        folder.resolve().name,
+        recordings,
+        about.get("model"),
+        about.get("history", "fresh"),
+        specimen,
+        tuple(s for s in simulated if s is not None) or None,
+        folder,
+    )
+
+
+def _about(path: Path) -> dict:
+    if not path.exists():
+        return {}
+    try:
+        about = tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not TOML: {error}", file=path) from None
+    for key, value in about.items():
+        if key not in KEYS:
+            raise InputError(f"unknown key {key!r}; allowed: {list(KEYS)}", file=path)
+        if key == "specimen":
+            if not isinstance(value, dict) or not all(
+                isinstance(v, str) for v in value.values()
+            ):
+                raise InputError(
+                    "specimen is a table of recording name -> specimen name", file=path
+                )
+        elif not isinstance(value, str):
+            raise InputError(f"{key} is {value!r}; it must be a text", file=path)
+    history = about.get("history", "fresh")
+    if history not in HISTORIES:
+        raise InputError(
+            f"history is {history!r}; allowed: {list(HISTORIES)}", file=path
+        )
+    return about
+
+
+def check_sizes(recording: Recording, file: Path | None = None) -> None:
+    """Refuse what can only be a wrong unit, and what cannot be diagnosed at all."""
+    strain = np.nanmax(np.abs(recording.strain))
+    if strain > LARGEST_STRAIN:
+        raise InputError(
+            f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; is it in per "
+            "cent? It must be a plain number: divide by 100",
+            file=file,
+            row=int(np.nanargmax(np.abs(recording.strain))) + 2,
+            column="strain",
+        )
+    stress = np.nanmax(np.abs(recording.stress_MPa))
+    if stress > LARGEST_STRESS_MPa:
+        raise InputError(
+            f"stress reaches {stress:.4g} MPa; is it in Pa or kPa? It must be in MPa",
+            file=file,
+            row=int(np.nanargmax(np.abs(recording.stress_MPa))) + 2,
+            column="stress_MPa",
+        )
+
+
+def _simulated(file: Path, n: int) -> Array | None:
+    head = file.open(encoding="utf-8-sig").readline()
+    if "simulated_MPa" not in [c.strip().strip('"') for c in head.split(",")]:
+        return None
+    frame = pd.read_csv(file, encoding="utf-8-sig", skip_blank_lines=False)
+    frame.columns = [str(c).strip() for c in frame.columns]
+    values = pd.to_numeric(frame["simulated_MPa"], errors="coerce").to_numpy(float)[:n]
+    if not np.isfinite(values).any():
+        raise InputError("holds no number at all", file=file, column="simulated_MPa")
+    return values
+
+
+def check_model(name: str) -> None:
+    if name not in BASES:
+        raise InputError(
+            f"no model {name!r}; allowed: {', '.join(BASES)}, or a model.json"
+        )
+
+
+def to_data(case: Case) -> Data:
+    """The case as a fit wants it: gaps in strain bridged, masked in stress.
+
+    Missing strain is bridged straight in time, and its stress is not used.
+    """
+    chunks, stress, simulated = [], [], []
+    for i, recording in enumerate(case.recordings):
+        time = recording.time_s
+        strain = np.array(recording.strain)
+        measured = np.array(recording.stress_MPa)
+        bad = np.isnan(strain)
+        if bad.any():
+            strain[bad] = np.interp(time[bad], time[~bad], strain[~bad])
+            measured[bad] = np.nan
+        warm = recording.temperature_C
+        if warm is not None and np.isnan(warm).all():
+            warm = None
+        if case.simulated_MPa is not None:
+            s = np.array(case.simulated_MPa[i])
+            hole = np.isnan(s)
+            s[hole] = np.interp(time[hole], time[~hole], s[~hole])
+            simulated.append(s)
+        chunks.append(Chunk(time, strain, warm))
+        stress.append(measured)
+    return Data(
+        tuple(r.name for r in case.recordings),
+        tuple(chunks),
+        tuple(stress),
+        case.history == "continued",
+        tuple(simulated) if simulated else None,
+    )
+
+
+def thin(case: Case, most: int) -> Case:
+    """The case with at most about `most` samples a recording, reversals kept.
+
+    Evenly spaced samples, and with them every turning point of the strain, so that the
+    history between samples is still straight.
+    """
+    out, simulated = [], []
+    for i, recording in enumerate(case.recordings):
+        keep = _kept(recording.strain, recording.time_s, most)
+        out.append(recording if keep is None else recording.take(keep))
+        if case.simulated_MPa is not None:
+            s = case.simulated_MPa[i]
+            simulated.append(s if keep is None else s[keep])
+    return replace(case, recordings=tuple(out), simulated_MPa=tuple(simulated) or None)
+
+
+def _kept(strain: Array, time: Array, most: int) -> Array | None:
+    n = len(strain)
+    if n <= most:
+        return None
+    stride = int(np.ceil(n / most))
+    keep = set(range(0, n, stride)) | {n - 1}
+    # Turning points on a scale of a hundredth of the range; noise makes no corner.
+    filled = np.interp(time, time[np.isfinite(strain)], strain[np.isfinite(strain)])
+    rate = np.gradient(filled[::stride])
+    turn = np.flatnonzero(np.diff(np.sign(rate)) != 0) * stride
+    band = 0.01 * (filled.max() - filled.min())
+    for j in turn[: most // 2]:
+        lo, hi = max(j - stride, 0), min(j + 2 * stride, n)
+        for k in (
+            lo + int(np.argmax(filled[lo:hi])),
+            lo + int(np.argmin(filled[lo:hi])),
+        ):
+            if (
+                abs(filled[k] - filled[lo]) > band
+                or abs(filled[k] - filled[hi - 1]) > band
+            ):
+                keep.add(k)
+    return np.array(sorted(keep))

@@ -1,0 +1,258 @@
+r"""Which physics was left out: score tests, joint refits, one effect and several.
+
+A score test asks how much of the residual an effect would take up that the base, with
+everything it may still change, cannot (an atom: the change of stress the effect makes,
+less what the columns of the base absorb). It is cheap, so all effects are asked from
+several starts; those that pass are refitted jointly with the base, and compete.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array, Effect
+from softnn.effects import EFFECTS
+from softnn.fit import Engine, Fit, Guess, Piece, fit
+
+# What a base has of its own, so that it cannot be missing from it.
+INCLUDED = {
+    "hooke": (),
+    "sls": (),
+    "wiechert": ("relaxation_branch",),
+    "pl-sls": ("nonlinear_elasticity",),
+    "pl-wiechert": ("relaxation_branch", "nonlinear_elasticity"),
+}
+
+
+@dataclass(frozen=True)
+class Lead:
+    """An effect that the score test points to, with where to start its fit."""
+
+    piece: Piece
+    gain: float  # of chi2, linearised
+
+
+def candidates(engine: Engine, base: str, fixed: bool) -> list[Effect]:
+    """Effects that these recordings and this base could show."""
+    scales = engine.data.scales()
+    out = []
+    for effect in EFFECTS:
+        if effect.needs_temperature and not scales.temperature_C > 0.5:
+            continue
+        if not fixed and effect.id in INCLUDED.get(base, ()):
+            continue
+        if effect.id == "gain_error" and not fixed and len(engine.chunks) < 2:
+            continue
+        out.append(effect)
+    return out
+
+
+def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
+    """One piece for each start of an effect, core parameters free, all recordings on."""
+    r = len(engine.chunks)
+    out = []
+    fixed = effect.defaults()
+    for start in effect.starts(engine.data.scales()):
+        values: dict[str, Any] = fixed | dict(start)
+        for p in effect.parameters:
+            inside = np.clip(values[p.name], p.low, p.high)
+            if p.name in effect.per_recording:
+                values[p.name] = np.broadcast_to(inside, (r,)).astype(float)
+            else:
+                values[p.name] = float(inside)
+        free = tuple(
+            p.name for p in effect.parameters if p.name not in effect.shape
+        )
+        groups = tuple((i,) for i in range(r)) if effect.per_recording else ()
+        out.append(Piece(effect, values, free, groups))
+    return out
+
+
+class Screen:
+    """Score tests at one fit: the residual, and what the fit can still absorb."""
+
+    def __init__(self, engine: Engine, base: Fit) -> None:
+        self.engine, self.base = engine, base
+        k = len(base.guess.stiffness)
+        live = np.concatenate(
+            [
+                (base.guess.stiffness > 0) & (not base.fixed_base),
+                np.ones(len(base.slots), bool),
+            ]
+        )
+        columns = base.jacobian[:, live]
+        norm = np.linalg.norm(columns, axis=0)
+        columns = columns[:, norm > 0] / norm[norm > 0]
+        self.q = _range(columns)
+        self.residual = base.residual - self.q @ (self.q.T @ base.residual)
+        self.k = k
+
+    def project(self, atoms: Array) -> Array:
+        return atoms - self.q @ (self.q.T @ atoms)
+
+    def atoms(self, piece: Piece) -> Array:
+        """Whitened, absorbed-free change of stress (valid, groups or 1) of a piece."""
+        guess = self.base.guess
+        with_it = replace(guess, pieces=guess.pieces + (piece,))
+        changed, _ = self.engine.run(with_it, False)
+        plain, _ = self.engine.run(guess, False)
+        change = changed - plain
+        if not piece.groups:
+            return self.project(self.engine.whiten(change[:, None]))
+        parts = np.stack(
+            [np.where(np.isin(self.engine.owner, g), change, 0.0) for g in piece.groups],
+            axis=1,
+        )
+        return self.project(self.engine.whiten(parts))
+
+    def lead(
+        self, effect: Effect, threshold: float
+    ) -> tuple[list[Lead], list[Array]]:
+        """Leads of an effect from each of its starts; and all atoms, for the null."""
+        pieces = start_pieces(self.engine, effect)
+        atoms = [self.atoms(p) for p in pieces]
+        if not effect.per_recording:
+            leads = []
+            for piece, atom in zip(pieces, atoms, strict=True):
+                c, gain = _signed(piece, atom[:, 0], self.residual)
+                if gain > 0:
+                    leads.append(Lead(_scaled(piece, [c]), gain))
+            return leads, atoms
+        return self._greedy(pieces, atoms, threshold), atoms
+
+    def _greedy(
+        self, pieces: list[Piece], atoms: list[Array], threshold: float
+    ) -> list[Lead]:
+        """Recordings one after the other, each from the start that suits it best."""
+        residual = self.residual
+        basis = np.zeros((len(residual), 0))
+        chosen: dict[int, tuple[int, float]] = {}
+        total = 0.0
+        for _ in range(len(pieces[0].groups)):
+            best = (0.0, -1, -1, 0.0)
+            for s, (piece, atom) in enumerate(zip(pieces, atoms, strict=True)):
+                left = atom - basis @ (basis.T @ atom)
+                # An atom mostly absorbed by what is in already tells nothing new.
+                share = (left**2).sum(axis=0) / np.maximum((atom**2).sum(axis=0), 1e-300)
+                for g in range(len(piece.groups)):
+                    if g in chosen or share[g] < 0.02:
+                        continue
+                    c, gain = _signed(piece, left[:, g], residual)
+                    if gain > best[0]:
+                        best = (gain, s, g, c)
+            gain, s, g, c = best
+            if g < 0 or gain < threshold or len(chosen) >= len(pieces[0].groups) - 1:
+                break
+            left = atoms[s][:, g] - basis @ (basis.T @ atoms[s][:, g])
+            unit = left / np.linalg.norm(left)
+            basis = np.concatenate([basis, unit[:, None]], axis=1)
+            residual = residual - unit * (unit @ residual)
+            chosen[g] = (s, c)
+            total += gain
+        if not chosen:
+            return []
+        effect = pieces[0].effect
+        values = {k: np.array(v) if np.ndim(v) else v for k, v in pieces[0].values.items()}
+        for name, off in effect.off.items():
+            if name in effect.per_recording:
+                values[name] = np.full(len(self.engine.chunks), off)
+        for g, (s, c) in chosen.items():
+            for name in effect.per_recording:
+                own = float(pieces[s].values[name][g])
+                values[name][g] = own * c if name == effect.amplitude else own
+        values = _clipped(effect, values)
+        groups = tuple(pieces[0].groups[g] for g in sorted(chosen))
+        return [Lead(Piece(effect, values, pieces[0].free, groups), total)]
+
+
+def _range(columns: Array) -> Array:
+    """Orthonormal basis of the columns, those that depend on others left out."""
+    if columns.shape[1] == 0:
+        return columns
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u[:, s > 1e-7 * s[0]]
+
+
+def _bounds(piece: Piece) -> tuple[float, float]:
+    """Multiples of the start's amplitude that the parameter's range allows, up to 4."""
+    effect = piece.effect
+    p = next(p for p in effect.parameters if p.name == effect.amplitude)
+    value = float(np.max(np.abs(piece.values[effect.amplitude])))
+    if effect.off.get(effect.amplitude) != 0.0:
+        return 0.0, 1.5
+    return max(p.low / value, -4.0), min(p.high / value, 4.0)
+
+
+def _signed(piece: Piece, atom: Array, residual: Array) -> tuple[float, float]:
+    """Best multiple of an atom within its range, and the gain of chi2."""
+    size = float(atom @ atom)
+    if size < 1e-12:
+        return 0.0, 0.0
+    dot = float(atom @ residual)
+    low, high = _bounds(piece)
+    c = float(np.clip(dot / size, low, high))
+    return c, c * (2 * dot - c * size)
+
+
+def _scaled(piece: Piece, c: Sequence[float]) -> Piece:
+    effect = piece.effect
+    values = dict(piece.values)
+    if effect.off.get(effect.amplitude) == 0.0:
+        factor = c[0] if abs(c[0]) > 0.05 else np.copysign(0.05, c[0])
+        values[effect.amplitude] = values[effect.amplitude] * factor
+    return replace(piece, values=_clipped(effect, values))
+
+
+def _clipped(effect: Effect, values: dict[str, Any]) -> dict[str, Any]:
+    out = dict(values)
+    for p in effect.parameters:
+        out[p.name] = np.clip(out[p.name], p.low, p.high)
+        if np.ndim(out[p.name]) == 0:
+            out[p.name] = float(out[p.name])
+    return out
+
+
+def null_threshold(
+    screen: Screen, atoms: Sequence[Array], rng: np.random.Generator, level: float = 0.99
+) -> float:
+    """Quantile of the largest score of any atom when nothing but noise is left.
+
+    The bootstrap draws whitened noise, refits the base to it (the projection), and
+    takes the largest gain over all effects and starts.
+    """
+    s = np.concatenate(atoms, axis=1)
+    norm = np.linalg.norm(s, axis=0)
+    s = s[:, norm > 1e-6] / norm[norm > 1e-6]
+    if s.shape[1] == 0:
+        return 10.0
+    largest = []
+    for _ in range(8):
+        noise = rng.standard_normal((s.shape[0], 25))
+        largest.append(((s.T @ screen.project(noise)) ** 2).max(axis=0))
+    return float(np.quantile(np.concatenate(largest), level))
+
+
+def refine(
+    engine: Engine, base: Fit, piece: Piece, iterations: int = 10
+) -> Fit:
+    """The joint refit with one more piece, recordings it does not touch taken out."""
+    order = [e.id for e in EFFECTS]
+    pieces = sorted(
+        base.guess.pieces + (piece,), key=lambda p: order.index(p.effect.id)
+    )
+    guess = Guess(base.guess.units, base.guess.stiffness, tuple(pieces))
+    return fit(engine, guess, fixed_base=base.fixed_base, iterations=iterations)
+
+
+def release(engine: Engine, found: Fit, index: int, iterations: int = 10) -> Fit:
+    """The same with the shape parameters of piece `index` freed."""
+    pieces = list(found.guess.pieces)
+    piece = pieces[index]
+    names = tuple(p.name for p in piece.effect.parameters)
+    pieces[index] = replace(piece, free=names)
+    guess = replace(found.guess, pieces=tuple(pieces))
+    return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)

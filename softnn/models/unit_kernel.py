@@ -1,0 +1,17 @@
+"""The compiled recursion behind `softnn.models.units`, imported where first needed."""
+
+from __future__ import annotations
+
+import numba
+
+
+@numba.njit(cache=True)
+def maxwell(decay, gain, increment, carried, out):
+    """Unit stress of each branch: decay, gain, out (n, branches), carried (branches,)."""
+    n, count = out.shape
+    for j in range(count):
+        out[0, j] = decay[0, j] * carried[j] + gain[0, j] * increment[0]
+    for i in range(1, n):
+        jump = increment[i]
+        for j in range(count):
+            out[i, j] = decay[i, j] * out[i - 1, j] + gain[i, j] * jump

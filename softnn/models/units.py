@@ -1,0 +1,135 @@
+r"""Unit responses of a base simulation: one column a spring segment, one a branch.
+
+Every base here is a sum of columns with non-negative stiffnesses: springs
+``clip(strain - knot, 0, width)`` (thesis eq. 5.7) and Maxwell branches of fixed
+relaxation time. So a fit can solve for the stiffnesses exactly, and a score test can
+ask what they could absorb. The update of a branch is the exact one of
+`softnn.models.branches`; here all branches of a grid are kept apart, their decays
+over a history computed once and used for many strains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array, Chunk, InputError
+
+BASES = ("hooke", "sls", "wiechert", "pl-sls", "pl-wiechert")
+
+
+@dataclass(frozen=True)
+class Units:
+    """Knots (segments + 1,) of the spring, relaxation times (branches,) in s.
+
+    The two outermost segments go on for ever, so strain beyond the knots is met by the
+    stiffness of the last segment.
+    """
+
+    name: str
+    knots: tuple[float, ...]
+    relaxation_times: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.knots) < 2 or not (np.diff(self.knots) > 0).all():
+            raise InputError(
+                f"knots are {self.knots}; they must increase, two at least"
+            )
+        if len(self.knots) > 2 and 0.0 not in self.knots:
+            raise InputError("no knot at zero strain; the stress is zero there")
+        if any(not t > 0 for t in self.relaxation_times):
+            raise InputError("relaxation times must be above 0 s")
+
+    @property
+    def segments(self) -> int:
+        return len(self.knots) - 1
+
+    @property
+    def columns(self) -> int:
+        return self.segments + len(self.relaxation_times)
+
+    def springs(self, strain: Array) -> Array:
+        """Strain taken by each segment, (n, segments); they add up to the strain."""
+        if self.segments == 1:
+            return np.array(strain)[:, None]
+        low = np.array(self.knots[:-1])
+        high = np.array(self.knots[1:])
+        start = np.where(low >= 0, low, high)  # the end nearer to zero strain
+        low[0], high[-1] = -np.inf, np.inf
+        return np.clip(strain[:, None], low, high) - np.clip(start, low, high)
+
+    def decays(self, time_s: Array, before_s: float | None) -> tuple[Array, Array]:
+        """Decay and gain (n, branches) of each step, the first since `before_s`."""
+        first = time_s[0] if before_s is None else before_s
+        step = np.diff(time_s, prepend=first)
+        x = step[:, None] / np.array(self.relaxation_times)
+        lost = -np.expm1(-x)
+        return 1 - lost, np.where(x > 1e-9, lost / np.maximum(x, 1e-300), 1 - x / 2)
+
+    def branches(
+        self, decays: tuple[Array, Array], strain: Array, state: Any = None
+    ) -> tuple[Array, Any]:
+        """Unit branch stresses (n, branches) and the state (last strain, carried)."""
+        from softnn.models.unit_kernel import maxwell
+
+        before, carried = (
+            (0.0, np.zeros(len(self.relaxation_times))) if state is None else state
+        )
+        increment = np.diff(strain, prepend=before)
+        out = np.empty((len(strain), len(self.relaxation_times)))
+        maxwell(*decays, np.ascontiguousarray(increment), carried, out)
+        return out, (float(strain[-1]), out[-1].copy())
+
+    def respond(self, chunk: Chunk, state: Any = None) -> tuple[Array, Array, Any]:
+        """Spring columns, branch columns and the state at the end of the chunk.
+
+        >>> base = Units("sls", (0.0, 1.0), (2.0,))
+        >>> hold = Chunk(np.array([0.0, 2.0]), np.array([0.1, 0.1]))
+        >>> base.respond(hold)[1].round(4).ravel().tolist()
+        [0.1, 0.0368]
+        """
+        seen = chunk.strain if chunk.branch_strain is None else chunk.branch_strain
+        last, inner = (None, None) if state is None else state
+        decays = self.decays(chunk.time_s, last)
+        branch, inner = self.branches(decays, seen, inner)
+        return self.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner)
+
+
+def build(
+    name: str,
+    strain_low: float,
+    strain_high: float,
+    interval_s: float,
+    duration_s: float,
+    segments: int = 12,
+    per_decade: int = 4,
+) -> Units:
+    """The base `name` over a range of strain and of time.
+
+    Relaxation times are logarithmic from the sampling interval to three times the
+    longest recording: shorter ones are springs to this clock, longer ones too. The
+    single branch of an SLS starts in the middle; a fit moves it.
+    """
+    if name not in BASES:
+        raise InputError(f"no base {name!r}; allowed is one of {list(BASES)}")
+    low, high = min(strain_low, 0.0), max(strain_high, 0.0)
+    if not high > low:
+        raise InputError("the strain never leaves zero; there is nothing to simulate")
+    knots = (low, high)
+    if name.startswith("pl-"):
+        above = max(int(round(segments * high / (high - low))), 1) if high > 0 else 0
+        below = max(segments - above, 1) if low < -0.05 * high else 0
+        parts = [np.linspace(low, 0, below + 1)] if below else [np.zeros(1)]
+        if above:
+            parts.append(np.linspace(0, high, above + 1)[1:])
+        knots = tuple(float(k) for k in np.concatenate(parts))
+    times: tuple[float, ...] = ()
+    shortest, longest = interval_s, 3 * max(duration_s, 2 * interval_s)
+    if name.endswith("sls"):
+        times = (float(np.sqrt(shortest * longest)),)
+    elif name.endswith("wiechert"):
+        count = max(int(np.ceil(per_decade * np.log10(longest / shortest))), 2)
+        times = tuple(float(t) for t in np.geomspace(shortest, longest, count))
+    return Units(name, knots, times)

@@ -1,0 +1,197 @@
+r"""Level and colour of the noise of a recording, estimated from the data alone.
+
+A window of samples is taken as a cubic in time plus noise whose correlation falls off
+as AR(1). Its level and its correlation are those of greatest restricted likelihood
+(Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), which allows for the noise
+that the cubic itself takes up. Windows in which something else happens (a reversal, a
+slip) are rougher than the rest and are left out. Level may grow with the stress; a
+channel with few distinct values is quantised, and its step adds step / sqrt(12).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from softnn.contracts import Array
+
+WINDOW = 48
+DEGREE = 3
+CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19), [0.975]])
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of one recording, MPa: sigma^2 = floor^2 + (share x stress)^2 + step^2 / 12.
+
+    `correlation` is that of neighbouring samples, `correlation_s` the time in which it
+    falls to 1/e; 0 is white.
+    """
+
+    floor_MPa: float
+    share: float
+    step_MPa: float
+    correlation: float
+    correlation_s: float
+    windows: int
+
+    def sigma(self, stress_MPa: Array) -> Array:
+        """Standard deviation at each stress, MPa."""
+        s = np.nan_to_num(np.asarray(stress_MPa, float))
+        return np.sqrt(
+            self.floor_MPa**2 + (self.share * s) ** 2 + self.step_MPa**2 / 12
+        )
+
+
+def quantum(values: Array) -> float:
+    """Step of a quantised channel; 0 where values are as good as continuous.
+
+    >>> quantum(np.round(np.linspace(0, 1, 200), 1)).__round__(6)
+    0.1
+    """
+    known = np.unique(values[np.isfinite(values)])
+    if len(known) < 3:
+        return 0.0
+    gaps = np.diff(known)
+    step = float(np.median(gaps))
+    multiples = gaps / step
+    regular = np.abs(multiples - np.round(multiples)) < 0.02
+    repeated = len(known) < 0.5 * np.isfinite(values).sum()
+    return step if repeated and regular.mean() > 0.95 else 0.0
+
+
+def _windows(x: Array, length: int) -> Array:
+    count = len(x) // length
+    return x[: count * length].reshape(count, length)
+
+
+def _likelihood(windows: Array) -> tuple[Array, Array]:
+    """Restricted log-likelihood and variance, each (correlations, windows)."""
+    length = windows.shape[1]
+    t = np.linspace(-1, 1, length)
+    trend = np.linalg.qr(np.vander(t, min(DEGREE, length // 4) + 1))[0]
+    degrees = length - trend.shape[1]
+    like, variance = [], []
+    for phi in CORRELATIONS:
+        first = np.sqrt(1 - phi**2)
+
+        def whiten(x: Array, phi: float = phi, first: float = first) -> Array:
+            return np.concatenate([first * x[:1], x[1:] - phi * x[:-1]])
+
+        p, y = whiten(trend), whiten(windows.T)
+        q, r = np.linalg.qr(p)
+        left = np.maximum((y**2).sum(axis=0) - ((q.T @ y) ** 2).sum(axis=0), 1e-300)
+        like.append(
+            -0.5 * degrees * np.log(left)
+            - np.log(np.abs(np.diag(r))).sum()
+            + 0.5 * np.log(1 - phi**2)
+        )
+        variance.append(left / degrees / (1 - phi**2))
+    return np.array(like), np.array(variance)
+
+
+def estimate(
+    residuals: Sequence[Array],
+    stresses: Sequence[Array],
+    times: Sequence[Array],
+) -> list[Noise]:
+    """Noise of each recording, from residuals of any smooth simulation, or stress.
+
+    residuals, stresses and times are (n,) each; NaN marks what is missing. Recordings
+    of one machine share level and colour as far as the data allow: a recording keeps
+    its own colour only where it has windows enough.
+    """
+    rows, level, owner = [], [], []
+    for r, (residual, stress) in enumerate(zip(residuals, stresses, strict=True)):
+        keep = np.isfinite(residual) & np.isfinite(stress)
+        x, s = residual[keep], stress[keep]
+        length = min(WINDOW, len(x))
+        if length < 8:
+            continue
+        w = _windows(x, length)
+        if length < WINDOW:  # a short recording cannot be pooled by samples
+            continue
+        rows.append(w)
+        level.append(np.sqrt((_windows(s, length) ** 2).mean(axis=1)))
+        owner.append(np.full(len(w), r))
+    steps = [quantum(s) for s in stresses]
+    if not rows:
+        return [
+            _short(x, s, t, q)
+            for x, s, t, q in zip(residuals, stresses, times, steps, strict=True)
+        ]
+    like, variance = _likelihood(np.concatenate(rows))
+    size, whose = np.concatenate(level), np.concatenate(owner)
+    typical = np.max(size) + 1e-300
+    best = int(np.argmax(_trimmed(like, variance)))
+    floor2, share2, kept = _level(variance[best], size, typical)
+    best = int(np.argmax(like[:, kept].sum(axis=1)))
+    floor2, share2, kept = _level(variance[best], size, typical)
+    out = []
+    for r, (time, step) in enumerate(zip(times, steps, strict=True)):
+        own = kept & (whose == r)
+        phi = float(CORRELATIONS[best])
+        count = int(own.sum())
+        if count >= 8:
+            # Own colour, drawn to that of all by as much as five windows say.
+            pooled = like[:, kept].mean(axis=1)
+            phi = float(CORRELATIONS[np.argmax(like[:, own].sum(axis=1) + 5 * pooled)])
+        interval = float(np.median(np.diff(time)))
+        seconds = -interval / np.log(phi) if phi > 0 else 0.0
+        grain = step**2 / 12
+        out.append(
+            Noise(
+                float(np.sqrt(max(floor2 - grain, 0.1 * floor2))),
+                float(np.sqrt(share2)),
+                step,
+                phi,
+                seconds,
+                count,
+            )
+        )
+    return out
+
+
+def _trimmed(like: Array, variance: Array) -> Array:
+    smooth = variance[len(variance) // 2]
+    calm = smooth <= np.quantile(smooth, 0.6)
+    return like[:, calm].sum(axis=1)
+
+
+def _level(variance: Array, size: Array, typical: float) -> tuple[float, float, Array]:
+    """floor^2, share^2 and the windows that are noise and nothing else."""
+    relative = (size / typical) ** 2
+    floor2 = float(np.quantile(variance, 0.4))
+    share2 = 0.0
+    kept = np.ones(len(variance), bool)
+    for _ in range(8):
+        expected = floor2 + share2 * relative
+        ratio = variance / expected
+        kept = ratio < 2.5
+        if kept.sum() < 4:
+            kept = ratio <= np.sort(ratio)[min(3, len(ratio) - 1)]
+        # Gamma likelihood by reweighting, both terms not negative.
+        w = 1 / expected[kept]
+        a = np.stack([w, relative[kept] * w], axis=1)
+        y = variance[kept] * w
+        flat = float(y @ w / (w @ w))
+        floor2, share2 = flat, 0.0
+        if kept.sum() >= 12 and np.ptp(relative[kept]) > 0.2:
+            g = np.linalg.lstsq(a, y, rcond=None)[0]
+            if g[0] > 0.02 * flat and g[1] > 0.5 * g[0]:
+                floor2, share2 = float(g[0]), float(g[1])
+        floor2 = max(floor2, 1e-24)
+    return floor2, share2 / typical**2, kept
+
+
+def _short(residual: Array, stress: Array, time: Array, step: float) -> Noise:
+    """A few samples: third differences, taken as white."""
+    x = residual[np.isfinite(residual)]
+    if len(x) >= 5:
+        rough = np.median(np.abs(np.diff(x, 3))) / 0.6745 / np.sqrt(20)
+    else:
+        rough = 0.01 * float(np.nanmax(np.abs(stress)))
+    floor = max(float(rough), 1e-12)
+    return Noise(floor, 0.0, step, 0.0, 0.0, 0)

@@ -1,0 +1,135 @@
+"""Base simulation + effects + imposed history -> stress.
+
+A history is a list of chunks, one a recording. Each starts on a virgin, relaxed
+specimen, or goes on from the one before (`continued`). Effects act in the order given,
+rig and material hooks before the model, material and sensor hooks after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from softnn.contracts import Array, Chunk, Effect, InputError, Signal
+from softnn.models.units import Units
+
+Values = Mapping[str, ArrayLike]
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect with its values; those of `per_recording` parameters (recordings,)."""
+
+    effect: Effect
+    values: dict[str, Any] = field(default_factory=dict)
+
+    def at(self, recording: int) -> dict[str, Array]:
+        """Values of one recording, checked and ready for the hooks."""
+        own = {
+            k: np.asarray(v)[recording]
+            if k in self.effect.per_recording and np.ndim(v)
+            else v
+            for k, v in self.values.items()
+        }
+        return self.effect.prepare(own)
+
+
+Memory = dict[tuple[int, str], Any]
+
+
+def reach(
+    terms: Sequence[Term],
+    values: Sequence[Mapping[str, Array]],
+    chunk: Chunk,
+    m: Memory,
+) -> Signal:
+    """The strains that reach springs and branches, (n, sets), from those commanded."""
+    strain = np.asarray(chunk.strain, float)
+    strain = strain[:, None] if strain.ndim == 1 else strain
+    signal = Signal(chunk.time_s, strain, strain, chunk.temperature_C)
+    for stage in ("rig", "material"):
+        for i, term in enumerate(terms):
+            if term.effect.stage == stage and term.effect.acts_before:
+                key = (i, "before")
+                signal, m[key] = term.effect.before(values[i], signal, m.get(key))
+    return signal
+
+
+def measured(
+    terms: Sequence[Term],
+    values: Sequence[Mapping[str, Array]],
+    signal: Signal,
+    m: Memory,
+) -> Array:
+    """The stress written down, (n, sets), from `equilibrium` and `branches`."""
+    for i, term in enumerate(terms):
+        if term.effect.stage != "sensor":
+            key = (i, "after")
+            signal, m[key] = term.effect.after(values[i], signal, m.get(key))
+    assert signal.equilibrium is not None  # set by the caller
+    assert signal.branches is not None
+    signal = replace(signal, stress=signal.equilibrium + signal.branches)
+    for i, term in enumerate(terms):
+        if term.effect.stage == "sensor":
+            key = (i, "after")
+            signal, m[key] = term.effect.after(values[i], signal, m.get(key))
+    assert signal.stress is not None
+    return signal.stress
+
+
+def run_on(chunks: Sequence[Chunk], continued: bool) -> list[Chunk]:
+    """The chunks with times that go on where `continued` recordings restart at zero."""
+    if not continued:
+        return list(chunks)
+    out: list[Chunk] = []
+    for chunk in chunks:
+        time = chunk.time_s
+        if out and time[0] < out[-1].time_s[-1]:
+            step = np.median(np.diff(time)) if len(time) > 1 else 0.0
+            time = time - time[0] + out[-1].time_s[-1] + step
+        out.append(replace(chunk, time_s=time))
+    return out
+
+
+def simulate(
+    units: Units,
+    stiffness: ArrayLike,
+    terms: Sequence[Term],
+    chunks: Sequence[Chunk],
+    continued: bool = False,
+) -> list[Array]:
+    """Stress [MPa] (n,) of each chunk. stiffness [MPa] (columns,), springs first.
+
+    >>> one = Units("hooke", (0.0, 1.0))
+    >>> pull = Chunk(np.array([0.0, 1.0]), np.array([0.0, 0.2]))
+    >>> simulate(one, [3.0], [], [pull])[0].round(3).tolist()
+    [0.0, 0.6]
+    """
+    k = np.asarray(stiffness, float)
+    if k.shape != (units.columns,):
+        raise InputError(
+            f"{k.shape} stiffnesses; base {units.name} has {units.columns}"
+        )
+    out: list[Array] = []
+    memory: Memory = {}
+    state = None
+    for r, chunk in enumerate(run_on(chunks, continued)):
+        if not continued:
+            memory, state = {}, None
+        values = [term.at(r) for term in terms]
+        signal = reach(terms, values, chunk, memory)
+        inner = Chunk(
+            chunk.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]
+        )
+        springs, branches, state = units.respond(inner, state)
+        signal = replace(
+            signal,
+            equilibrium=(springs @ k[: units.segments])[:, None],
+            branches=(branches @ k[units.segments :])[:, None],
+        )
+        out.append(measured(terms, values, signal, memory)[:, 0])
+    return out
