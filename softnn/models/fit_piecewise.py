@@ -1,0 +1,384 @@
+r"""Springs and branches of piecewise-linear models from recordings.
+
+`fit` is the thesis's way (Fig. 5.6): the branches come from a hold
+(`softnn.models.relaxation`), their stress is subtracted from a tensile curve, and what
+is left is cut into segments, each with its slope. `fit_jointly` needs no hold: it
+finds springs and branches together from curves of several rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solve_triangular, solveh_banded
+from scipy.optimize import least_squares, nnls
+
+from softnn.contracts import Array, Chunk, InputError
+from softnn.models import branches as maxwell
+from softnn.models.branches import Update
+from softnn.models.linear import Branched
+from softnn.models.piecewise import PLSLS, PLWiechert, SecondOrderExponential
+from softnn.models.relaxation import Relaxation
+from softnn.models.segments import Knots, Optimal, Tolerance
+
+Regression = Literal["segment", "joint"]
+
+
+class Curve(Protocol):
+    """What a fit needs of a recording: time_s, strain and stress_MPa, each (n,)."""
+
+    @property
+    def time_s(self) -> Array: ...
+    @property
+    def strain(self) -> Array: ...
+    @property
+    def stress_MPa(self) -> Array: ...
+
+
+@dataclass(frozen=True)
+class PiecewiseFit:
+    """A fitted model with its parameters, and the choices it came from."""
+
+    model: Branched
+    parameters: dict[str, float]
+    choices: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def segments(self) -> int:
+        return len(self.model.knots) if isinstance(self.model, PLWiechert) else 1
+
+    @property
+    def branches(self) -> int:
+        return self.model.prony(self.parameters)[0].shape[1]
+
+    def predict(self, curve: Curve) -> Array:
+        """Stress (n,), MPa, over the time and strain of a curve, from rest."""
+        chunk = Chunk(curve.time_s, curve.strain)
+        return self.model.respond(self.parameters, chunk)[0].stress
+
+
+def branch_stress(
+    relaxation: Relaxation, curve: Curve, update: Update = "exact"
+) -> Array:
+    """Stress (n,) of the branches alone over a curve, MPa."""
+    k = np.array([relaxation.stiffness])
+    tau = np.array([relaxation.relaxation_time])
+    stress, _ = maxwell.respond(k, tau, Chunk(curve.time_s, curve.strain), None, update)
+    return stress[:, 0]
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """One stress for each strain, away from zero: strain (m,) rising, weights (m,).
+
+    `side` is -1 for compression: strain and stress are then those with their sign
+    turned, so that everything that follows sees tension.
+    """
+
+    strain: Array
+    stress: Array
+    weight: Array
+    side: float
+
+
+def skeleton(strain: Array, stress: Array, points: int = 400) -> Skeleton:
+    """The elastic curve behind samples of strain and stress in any order.
+
+    Samples that rise in strain throughout are the curve themselves; others (several
+    specimens, unloading, a hold) are averaged over `points` equal steps of strain.
+    Samples without a stress, and those on the far side of zero, are left out.
+    """
+    keep = np.isfinite(stress)
+    strain, stress = strain[keep], stress[keep]
+    if not strain.size:
+        raise InputError("no sample with a stress; a curve to fit is needed")
+    side = 1.0 if strain.max() >= -strain.min() else -1.0
+    strain, stress = side * strain, side * stress
+    strain, stress = strain[strain >= 0], stress[strain >= 0]
+    if strain.size < 2 or not strain.max() > 0:
+        raise InputError("strain never leaves zero; a curve to fit is needed")
+    if (np.diff(strain) > 0).all():
+        return Skeleton(strain, stress, np.ones_like(strain), side)
+    points = min(points, max(strain.size // 3, 2))
+    bins = np.minimum((strain / strain.max() * points).astype(int), points - 1)
+    _, index, counts = np.unique(bins, return_inverse=True, return_counts=True)
+    means = [np.bincount(index, weights=v) / counts for v in (strain, stress)]
+    return Skeleton(means[0], means[1], counts.astype(float), side)
+
+
+def segment_slopes(curve: Skeleton, knots: Array) -> Array:
+    """Slope (m,) of a linear regression within each segment, ends included.
+
+    The thesis's way: segments know nothing of each other, so that the curve joined
+    from their slopes may drift off the data.
+    """
+    x, y, w = curve.strain, curve.stress, curve.weight
+    # About the middle, so that the running sums cancel little.
+    x, y = x - x.mean(), y - y.mean()
+    sums = [
+        np.concatenate([[0.0], np.cumsum(v)])
+        for v in (w, w * x, w * y, w * x * x, w * x * y)
+    ]
+    first = np.searchsorted(curve.strain, knots, side="left")
+    last = np.append(np.searchsorted(curve.strain, knots[1:], side="right"), len(x))
+    s, sx, sy, sxx, sxy = (v[last] - v[first] for v in sums)
+    spread = s * sxx - sx * sx
+    if not (last - first >= 2).all():
+        raise InputError("a segment with fewer than two samples; use fewer segments")
+    return (s * sxy - sx * sy) / spread
+
+
+def joint_slopes(curve: Skeleton, knots: Array) -> Array:
+    """Slope (m,) of each segment of the continuous curve nearest to all samples.
+
+    Least squares for the stress at each knot, which is tridiagonal; zero at zero.
+    """
+    vertices = np.append(knots, max(curve.strain[-1], np.nextafter(knots[-1], np.inf)))
+    width = np.diff(vertices)
+    place = np.clip(
+        np.searchsorted(vertices, curve.strain, "right") - 1, 0, len(knots) - 1
+    )
+    share = (curve.strain - vertices[place]) / width[place]  # of the vertex above
+    w, y = curve.weight, curve.stress
+    m = len(vertices)
+
+    def gather(index: NDArray[np.intp], weights: Array) -> Array:
+        return np.bincount(index, weights=weights, minlength=m).astype(float)
+
+    diagonal = gather(place, w * (1 - share) ** 2) + gather(place + 1, w * share**2)
+    beside = gather(place + 1, w * share * (1 - share))
+    right = gather(place, w * y * (1 - share)) + gather(place + 1, w * y * share)
+    if not (diagonal[1:] > 0).all():
+        raise InputError("a segment without a sample; use fewer segments")
+    height = np.zeros(m)
+    if m == 2:  # LAPACK knows no tridiagonal matrix of one number
+        height[1:] = right[1:] / diagonal[1:]
+    else:
+        height[1:] = solveh_banded(np.stack([beside[1:], diagonal[1:]]), right[1:])
+    return np.diff(height) / width
+
+
+def fit(
+    curves: Sequence[Curve],
+    relaxation: Relaxation,
+    knots: Knots | None = None,
+    *,
+    regression: Regression = "segment",
+    subtract: bool = True,
+    update: Update = "exact",
+) -> PiecewiseFit:
+    """PL-SLS or PL-Wiechert (by the branches of `relaxation`) as in thesis Fig. 5.6.
+
+    The stress of the branches is subtracted from every curve (unless `subtract` is
+    False), what is left is averaged over strain, cut into segments by `knots` (the
+    criterion on the slope at a tolerance of 40 % by default), and each segment gets
+    its slope; springs are the differences of slopes. Several curves, of several
+    specimens or rates, give one set of springs.
+    """
+    left = [
+        np.asarray(c.stress_MPa, dtype=float)
+        - (branch_stress(relaxation, c, update) if subtract else 0.0)
+        for c in curves
+    ]
+    if not left:
+        raise InputError("no curves; at least one is needed")
+    strains = [np.asarray(c.strain, dtype=float) for c in curves]
+    return fit_elastic(
+        skeleton(np.concatenate(strains), np.concatenate(left)),
+        relaxation,
+        knots or Tolerance(0.4),
+        regression=regression,
+        update=update,
+    )
+
+
+def fit_elastic(
+    curve: Skeleton,
+    relaxation: Relaxation,
+    knots: Knots,
+    *,
+    regression: Regression = "segment",
+    update: Update = "exact",
+) -> PiecewiseFit:
+    """The second half of `fit`: springs for a curve the branches are out of."""
+    at = knots(curve.strain, curve.stress)
+    if regression not in ("segment", "joint"):
+        raise InputError(f"regression {regression!r}; allowed is 'segment', 'joint'")
+    slopes = (segment_slopes if regression == "segment" else joint_slopes)(curve, at)
+    choices: dict[str, object] = {"knots": str(knots), "regression": regression}
+    return assembled(curve.side * at, slopes, relaxation, choices, update)
+
+
+def assembled(
+    knots: Array,
+    slopes: Array,
+    relaxation: Relaxation,
+    choices: dict[str, object],
+    update: Update = "exact",
+) -> PiecewiseFit:
+    """The model of these knots (m,) and slopes (m,) beside the given branches."""
+    model: PLWiechert
+    if relaxation.branches == 1:
+        model = PLSLS(knots, update)
+        branch = {
+            "stiffness": relaxation.stiffness[0],
+            "relaxation_time": relaxation.relaxation_time[0],
+        }
+    else:
+        model = PLWiechert(knots, relaxation.branches, update)
+        branch = relaxation.branch_parameters
+    springs = np.diff(slopes, prepend=0.0).tolist()
+    parameters = dict(zip(model.springs, springs, strict=True))
+    return PiecewiseFit(model, parameters | branch, choices)
+
+
+def sweep(
+    curves: Sequence[Curve],
+    relaxations: Sequence[Relaxation],
+    knots: Sequence[Knots],
+    *,
+    regression: Regression = "segment",
+    update: Update = "exact",
+) -> list[list[PiecewiseFit]]:
+    """`fit` for every relaxation (outer) and every criterion (inner)."""
+    strains = np.concatenate([np.asarray(c.strain, dtype=float) for c in curves])
+    fits = []
+    for relaxation in relaxations:
+        left = [c.stress_MPa - branch_stress(relaxation, c, update) for c in curves]
+        curve = skeleton(strains, np.concatenate(left))
+        fits.append(
+            [
+                fit_elastic(curve, relaxation, k, regression=regression, update=update)
+                for k in knots
+            ]
+        )
+    return fits
+
+
+def fit_jointly(
+    curves: Sequence[Curve],
+    branches: int,
+    knots: Knots | None = None,
+    times_s: ArrayLike | None = None,
+    update: Update = "exact",
+) -> PiecewiseFit:
+    r"""Springs and branches together, from curves at several rates: no hold needed.
+
+    For given knots and relaxation times the stress is linear in every stiffness. So
+    the springs are eliminated exactly (one QR factorisation), and the branches are
+    non-negative least squares on what is left: added one at a time, each time the one
+    of `times_s` that leaves the smallest error, up to `branches`. Every curve counts
+    alike (its squared NRMSE is what is summed). A hold may be among the curves.
+
+    knots: on the mean curve; 30 optimal segments by default. times_s: three a decade
+    by default, from a hundredth of the shortest curve to ten times the longest.
+
+    Curves of a single rate cannot tell a branch from a spring: the fit is then one of
+    many.
+    """
+    if branches < 1 or not curves:
+        raise InputError(
+            f"{branches} branches, {len(curves)} curves; one or more of each is needed"
+        )
+    strain = np.concatenate([np.asarray(c.strain, dtype=float) for c in curves])
+    stress = np.concatenate([np.asarray(c.stress_MPa, dtype=float) for c in curves])
+    mean = skeleton(strain, stress)
+    cut = knots or Optimal(min(30, len(mean.strain) // 4))
+    at = cut(mean.strain, mean.stress)
+    tau = default_times(curves) if times_s is None else np.asarray(times_s, float)
+    if branches > tau.size:
+        raise InputError(f"{branches} branches of {tau.size} relaxation times")
+    design = np.vstack([_design(c, at, mean.side, tau, update) for c in curves])
+    triangle = np.asarray(np.linalg.qr(design, mode="r"))
+    m = len(at)
+    left, target = triangle[m:, m:-1], triangle[m:, -1]
+    chosen = _forward(left, target, branches)
+    k, _ = nnls(left[:, chosen], target)
+    rest = triangle[:m, -1] - triangle[:m, m:-1][:, chosen] @ k
+    springs = solve_triangular(triangle[:m, :m], rest)
+    found = Relaxation(
+        0.0, tuple(k.tolist()), tuple(tau[chosen].tolist()), "joint least squares"
+    )
+    choices: dict[str, object] = {"knots": str(cut), "regression": "with branches"}
+    return assembled(mean.side * at, np.cumsum(springs), found, choices, update)
+
+
+def default_times(curves: Sequence[Curve], per_decade: int = 3) -> Array:
+    """Relaxation times (j,) that curves of these lengths can tell apart, s."""
+    lengths = [float(c.time_s[-1] - c.time_s[0]) for c in curves]
+    low, high = min(lengths) / 100, max(lengths) * 10
+    return np.geomspace(low, high, int(np.log10(high / low) * per_decade) + 1)
+
+
+def _design(
+    curve: Curve, knots: Array, side: float, times: Array, update: Update
+) -> Array:
+    """Springs (m), branches (j) and measured stress as columns, over its own size."""
+    strain = np.asarray(curve.strain, dtype=float)
+    stress = np.asarray(curve.stress_MPa, dtype=float)
+    keep = np.isfinite(stress)
+    springs = np.maximum(side * strain[:, None] - knots, 0)
+    springs[:, 0] = side * strain
+    chunk = Chunk(curve.time_s, strain)
+    tau = times[:, None]
+    units, _ = maxwell.respond(np.ones_like(tau), tau, chunk, None, update)
+    size = np.sqrt(np.sum(stress[keep] ** 2)) or 1.0
+    return np.column_stack([side * springs, units, stress])[keep] / size
+
+
+def _forward(left: Array, target: Array, branches: int) -> list[int]:
+    chosen: list[int] = []
+    for _ in range(branches):
+        errors = {
+            j: nnls(left[:, [*chosen, j]], target)[1]
+            for j in range(left.shape[1])
+            if j not in chosen
+        }
+        chosen.append(min(errors, key=lambda j: errors[j]))
+    return sorted(chosen)
+
+
+def fit_std_lin_sds(
+    curves: Sequence[Curve], relaxation: Relaxation, knots: Knots
+) -> PiecewiseFit:
+    """Std. Lin. SDS: springs fitted to the whole stress, the branch put beside them.
+
+    The predecessor (Austin et al. 2015) as the thesis reads it (sections 5.3 and
+    5.6): nothing is subtracted, so that what the branch carries is counted twice.
+    """
+    return fit(curves, relaxation, knots, subtract=False)
+
+
+def fit_exponential(curves: Sequence[Curve]) -> PiecewiseFit:
+    """`SecondOrderExponential` by least squares; amplitudes solved for exactly.
+
+    The exponents are searched from a few starts, per unit of the largest strain.
+    """
+    strain = np.concatenate([np.asarray(c.strain, dtype=float) for c in curves])
+    stress = np.concatenate([np.asarray(c.stress_MPa, dtype=float) for c in curves])
+    keep = np.isfinite(stress) & np.isfinite(strain)
+    x, y = strain[keep], stress[keep]
+    reach = np.abs(x).max(initial=0.0)
+    if not reach > 0:
+        raise InputError("strain never leaves zero; a curve to fit is needed")
+    x = x / reach
+
+    def amplitudes(exponents: Array) -> tuple[Array, Array]:
+        basis = np.expm1(x[:, None] * exponents)
+        solved = np.linalg.lstsq(basis, y, rcond=1e-12)[0]
+        return solved, basis @ solved - y
+
+    starts = [(-10.0, 1.0), (-3.0, 3.0), (-30.0, -1.0), (1.0, 5.0)]
+    found = [
+        least_squares(lambda e: amplitudes(e)[1], s, bounds=(-60, 20)) for s in starts
+    ]
+    exponents = min(found, key=lambda f: f.cost).x
+    a = amplitudes(exponents)[0]
+    names = [p.name for p in SecondOrderExponential.parameters]
+    b = exponents / reach
+    parameters = dict(zip(names, map(float, (a[0], b[0], a[1], b[1])), strict=True))
+    return PiecewiseFit(SecondOrderExponential(), parameters)
