@@ -1,5 +1,8 @@
 """`python -m studies.concealed`: see `trial.py`."""
 
+import sys
+
 from studies.concealed.trial import main
 
-raise SystemExit(main())
+if __name__ == "__main__":
+    sys.exit(main())

@@ -39,6 +39,10 @@ def _gent(x: Array, p: Shape) -> Array:
     return (x - x**-2) / (1 - _invariant(x) / p["limit"])
 
 
+def _limit(stretch: float) -> float:
+    return float(_invariant(np.array(stretch)))
+
+
 def _ogden(x: Array, p: Shape) -> Array:
     a, b, w = p["a"], p["b"], p["w"]
     first = (x ** (a - 1) - x ** (-a / 2 - 1)) / a
@@ -47,8 +51,8 @@ def _ogden(x: Array, p: Shape) -> Array:
 
 def _arruda_boyce(x: Array, p: Shape) -> Array:
     i = _invariant(x) + 3
-    series = zip((1 / 2, 1 / 10, 33 / 1050, 76 / 7000, 2595 / 673750), range(5))
-    slope = sum(c * (i / p["lock"] ** 2) ** k for c, k in series)
+    series = enumerate((1 / 2, 1 / 10, 33 / 1050, 76 / 7000, 2595 / 673750))
+    slope = sum(c * (i / p["lock"] ** 2) ** k for k, c in series)
     return (x - x**-2) * np.asarray(slope)
 
 
@@ -68,7 +72,7 @@ SKELETONS: dict[str, tuple[Callable[[Array, Shape], Array], Draw]] = {
     ),
     "gent": (
         _gent,
-        lambda r, e: {"limit": float(_invariant(1 + e * r.uniform(1.3, 2.2)))},
+        lambda r, e: {"limit": _limit(1 + e * r.uniform(1.3, 2.2))},
     ),
     "ogden": (
         _ogden,

@@ -21,7 +21,7 @@ import pandas as pd
 
 from studies.concealed import material, oracle, rig, sensor
 from studies.concealed.bases import Base, draw_base
-from studies.concealed.noises import LEVELS, Noise, draw_noise
+from studies.concealed.noises import LEVELS, draw_noise
 from studies.concealed.planting import (
     Context,
     Planted,

@@ -2,8 +2,9 @@
 
 The refit here is more generous than any base softnn has: 16 equal strain segments
 where the model is piecewise linear, 22 relaxation times and the true ones where it has
-branches, signs free. An effect whose trace lies in that space, or under the noise, cannot be found by
-anybody from these recordings; that is a miss of the programmes, not of a diagnosis.
+branches, signs free. An effect whose trace lies in that space, or under the noise,
+cannot be found by anybody from these recordings; that is a miss of the programmes, not
+of a diagnosis.
 """
 
 from __future__ import annotations
@@ -118,7 +119,7 @@ def visible_energy(
     rows = np.column_stack([columns, difference]) / sigma[:, np.newaxis]
     if correlation_s > 0:
         rows = whiten(rows, time_s, correlation_s)
-    r = np.linalg.qr(rows, mode="r")
+    r: Array = np.asarray(np.linalg.qr(rows, mode="r"))
     target, energy = r[:, -1], np.inf
     for use in base.choices() if base else [[]]:
         fitted = r[:, use] @ np.linalg.lstsq(r[:, use], target, rcond=1e-9)[0]

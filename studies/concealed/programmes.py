@@ -42,7 +42,7 @@ class Imposed:
 
     @property
     def time_s(self) -> Array:
-        return np.arange(len(self.strain)) * STEP_S
+        return STEP_S * np.arange(len(self.strain), dtype=np.float64)
 
 
 Points = list[tuple[float, float]]  # (duration s, strain at its end)
