@@ -1,0 +1,91 @@
+"""A trained network: numbers in, stress out. NumPy only, so that it runs anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array, InputError
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Min-max normalisation to [-1, 1], column by column; a constant becomes 0."""
+
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, values: Array) -> Scaling:
+        return cls(values.min(axis=0), values.max(axis=0))
+
+    @property
+    def half(self) -> Array:
+        half = (self.high - self.low) / 2
+        return np.where(half > 0, half, 1.0)
+
+    def apply(self, values: Array) -> Array:
+        return (values - (self.low + self.high) / 2) / self.half
+
+    def undo(self, values: Array) -> Array:
+        return values * self.half + (self.low + self.high) / 2
+
+
+@dataclass(frozen=True)
+class Network:
+    r"""One hidden layer of tanh neurons and a linear output (thesis eq. 6.3).
+
+    .. math:: h = w_2 \tanh(W_1 x + b_1) + b_2
+
+    hidden (s, d + 1): W_1 and, last, b_1; output (s + 1,): w_2 and, last, b_2; both
+    act on normalised inputs and give a normalised output.
+    """
+
+    hidden: Array
+    output: Array
+    inputs: Scaling
+    target: Scaling
+
+    def predict(self, inputs: Array) -> Array:
+        """Stress (n,) in MPa for inputs (n, d) in their own units."""
+        x = self.inputs.apply(np.asarray(inputs, float))
+        layer = np.tanh(x @ self.hidden[:, :-1].T + self.hidden[:, -1])
+        return self.target.undo(layer @ self.output[:-1] + self.output[-1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """A JSON-ready dictionary; `from_dict` takes it back exactly."""
+        return {
+            "hidden": self.hidden.tolist(),
+            "output": self.output.tolist(),
+            "inputs": {k: v.tolist() for k, v in asdict(self.inputs).items()},
+            "target": {k: float(v) for k, v in asdict(self.target).items()},
+        }
+
+    @classmethod
+    def from_dict(cls, given: Mapping[str, Any]) -> Network:
+        """The network of a dictionary from `to_dict`; `InputError` for a bad one."""
+        try:
+            hidden = np.asarray(given["hidden"], float)
+            output = np.asarray(given["output"], float)
+            inputs, target = (
+                Scaling(*(np.asarray(given[k][end], float) for end in ("low", "high")))
+                for k in ("inputs", "target")
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"not a network: {error!r}") from None
+        fits = (
+            hidden.ndim == 2
+            and output.shape == (len(hidden) + 1,)
+            and inputs.low.shape == inputs.high.shape == (hidden.shape[1] - 1,)
+            and target.low.shape == target.high.shape == ()
+            and all(np.isfinite(a).all() for a in (hidden, output))
+        )
+        if not fits:
+            raise InputError(
+                f"not a network: hidden {hidden.shape}, output {output.shape}, inputs "
+                f"{inputs.low.shape}; needed (s, d + 1), (s + 1,), (d,), all finite"
+            )
+        return cls(hidden, output, inputs, target)

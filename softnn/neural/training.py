@@ -1,0 +1,339 @@
+"""Training: Bayesian regularisation, early stopping or a fixed L2 weight.
+
+All three are Levenberg-Marquardt behind one interface; many networks (folds, starts,
+neuron counts) are trained in one batch, in float64, on any torch device.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from softnn.contracts import Array, InputError
+from softnn.neural.levenberg import DEFAULTS, Result, Settings, minimise
+from softnn.neural.network import Network, Scaling
+
+CHUNK = {"cpu": 2**20, "cuda": 2**27}  # Jacobian entries held at once
+SUBSET = 2000  # samples the start is found on; enough to fix 81 parameters
+VALIDATION_SHARE = 0.15  # of the training set, with early stopping
+
+
+@dataclass(frozen=True)
+class Regularisation:
+    """How overfitting is held off: `bayesian`, `early-stopping`, or `l2` of a weight.
+
+    With `l2` the cost is mean squared error + weight x sum of squared parameters, in
+    normalised units.
+
+    >>> Regularisation.parse("l2=1e-4")
+    Regularisation(kind='l2', weight=0.0001)
+    """
+
+    kind: str
+    weight: float = 0.0
+
+    @classmethod
+    def parse(cls, text: str) -> Regularisation:
+        """From the command line's word; raises `InputError` for any other."""
+        kind, equals, number = text.partition("=")
+        if kind in ("bayesian", "early-stopping") and not equals:
+            return cls(kind)
+        if kind == "l2" and equals:
+            try:
+                weight = float(number)
+            except ValueError:
+                weight = float("nan")
+            if np.isfinite(weight) and weight >= 0:
+                return cls("l2", weight)
+        raise InputError(
+            f"regularisation is {text!r}; allowed is bayesian, early-stopping or "
+            "l2=WEIGHT with a weight of 0 or more, as in l2=1e-4"
+        )
+
+    def __str__(self) -> str:
+        return f"l2={self.weight:g}" if self.kind == "l2" else self.kind
+
+
+BAYESIAN = Regularisation("bayesian")
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A network and how its training went.
+
+    `gamma` is the effective number of parameters (of `parameters` in all); `alpha` and
+    `beta` are the precisions of parameters and errors (normalised units); `seconds` is
+    this network's share of its batch.
+    """
+
+    network: Network
+    neurons: int
+    parameters: int
+    gamma: float
+    alpha: float
+    beta: float
+    iterations: int
+    stopped: str
+    seconds: float
+
+
+class _Tanh:
+    """Networks of one tanh layer as the least-squares problems of `levenberg`.
+
+    x (B, m, d + 1) with a last column of ones, y and weight (B, m); a row of weight 0
+    is padding. A parameter row is W_1 column by column, b_1, w_2, b_2. A network with
+    fewer neurons than the widest has zeros there, which stay zero by themselves.
+    """
+
+    def __init__(
+        self,
+        x: Tensor,
+        y: Tensor,
+        weight: Tensor,
+        neurons: Tensor,
+        held_out: _Tanh | None = None,
+    ) -> None:
+        self.x, self.y, self.weight = x, y, weight
+        self.width = int(neurons.max())
+        self.count = weight.sum(dim=1)
+        self.size = neurons * (x.shape[2] + 1) + 1
+        self.shortest = int(self.count.min())
+        self.held_out = held_out
+
+    def split(self, parameters: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Hidden (b, d + 1, s), output (b, 1, s) and last bias (b, 1)."""
+        d1, s = self.x.shape[2], self.width
+        hidden = parameters[:, : d1 * s].reshape(-1, d1, s)
+        return hidden, parameters[:, None, d1 * s : d1 * s + s], parameters[:, -1:]
+
+    def _chunks(self, networks: int, columns: int) -> list[slice]:
+        most = CHUNK.get(self.x.device.type, CHUNK["cpu"])
+        rows = max(256, most // max(1, networks * columns))
+        total = self.x.shape[1]
+        return [slice(i, min(i + rows, total)) for i in range(0, total, rows)]
+
+    def sse(self, parameters: Tensor, which: Tensor) -> Tensor:
+        hidden, output, bias = self.split(parameters)
+        total = self.x.new_zeros(len(which))
+        for rows in self._chunks(len(which), 2 * self.width):
+            layer = torch.bmm(self.x[which, rows], hidden).tanh_()
+            error = torch.bmm(layer, output.transpose(1, 2)).squeeze(2)
+            error += bias - self.y[which, rows]
+            total += (self.weight[which, rows] * error * error).sum(dim=1)
+        return total
+
+    def normal(
+        self, parameters: Tensor, which: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        hidden, output, bias = self.split(parameters)
+        b, p, s = len(which), parameters.shape[1], self.width
+        d1 = self.x.shape[2]
+        pairs = [(k, m) for k in range(d1) for m in range(k, d1)]
+        hessian, gradient = self.x.new_zeros(b, p, p), self.x.new_zeros(b, p)
+        bent = self.x.new_zeros(b, len(pairs), s)  # sum e d2f/dw_k dw_m
+        mixed = self.x.new_zeros(b, d1, s)  # sum e d2f/dw_k dw_2
+        for rows in self._chunks(b, 2 * p):
+            x = self.x[which, rows]
+            jacobian = self.x.new_empty(b, x.shape[1], p)
+            layer = jacobian[:, :, d1 * s : -1]
+            torch.tanh(torch.bmm(x, hidden), out=layer)
+            jacobian[:, :, -1] = 1
+            error = torch.bmm(layer, output.transpose(1, 2)).squeeze(2)
+            error += bias - self.y[which, rows]
+            if rows.stop > self.shortest:  # padding rows count for nothing
+                error *= self.weight[which, rows]
+            slope = torch.addcmul(torch.ones_like(output), layer, layer, value=-1)
+            felt = slope * error[:, :, None]
+            mixed.baddbmm_(x.transpose(1, 2), felt)
+            felt *= layer
+            products = torch.stack([x[:, :, k] * x[:, :, m] for k, m in pairs], dim=1)
+            bent.baddbmm_(products, felt)
+            slope *= output
+            for k in range(d1 - 1):
+                torch.mul(
+                    slope, x[:, :, k, None], out=jacobian[:, :, k * s : k * s + s]
+                )
+            jacobian[:, :, (d1 - 1) * s : d1 * s] = slope
+            gradient += torch.bmm(error[:, None], jacobian).squeeze(1)
+            if rows.stop > self.shortest:
+                jacobian *= self.weight[which, rows, None]
+            hessian.baddbmm_(jacobian.transpose(1, 2), jacobian)
+        bent *= -2 * output
+        curvature = self.x.new_zeros(b, d1 + 1, s, d1 + 1, s)
+        diagonal = curvature.diagonal(dim1=2, dim2=4)  # (b, d1 + 1, d1 + 1, s)
+        for i, (k, m) in enumerate(pairs):
+            diagonal[:, k, m] = diagonal[:, m, k] = bent[:, i]
+        diagonal[:, :d1, d1] = diagonal[:, d1, :d1] = mixed
+        exact = hessian.clone()
+        exact[:, :-1, :-1] += curvature.reshape(b, p - 1, p - 1)
+        return hessian, gradient, exact
+
+    def validation(self, parameters: Tensor, which: Tensor) -> Tensor | None:
+        return None if self.held_out is None else self.held_out.sse(parameters, which)
+
+
+def train(
+    inputs: Array,
+    target: Array,
+    *,
+    neurons: Sequence[int],
+    train_mask: np.ndarray,
+    seeds: Sequence[int],
+    regularisation: Regularisation = BAYESIAN,
+    settings: Settings = DEFAULTS,
+    starts: int = 1,
+    device: str = "cpu",
+) -> list[Trained]:
+    """Train B networks; network i sees the samples in `train_mask[i]` and no others.
+
+    inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
+    Normalisation is that of the training samples alone. With `starts` above 1 the best
+    of that many starts, by log evidence on at most `SUBSET` samples, is trained on.
+    The same seed gives the same network, whatever else is in the batch, up to rounding.
+    """
+    inputs, target = np.asarray(inputs, float), np.asarray(target, float)
+    _check(inputs, target, neurons, train_mask, seeds, starts)
+    began = time.perf_counter()
+    rngs = [
+        np.random.default_rng([seed, count])
+        for seed, count in zip(seeds, neurons, strict=True)
+    ]
+    rows = [np.flatnonzero(mask) for mask in train_mask]
+    scalings = [(Scaling.of(inputs[r]), Scaling.of(target[r])) for r in rows]
+    held_out: list[np.ndarray] | None = None
+    if regularisation.kind == "early-stopping":
+        mixed = [rng.permutation(r) for rng, r in zip(rngs, rows, strict=True)]
+        cut = [max(1, round(VALIDATION_SHARE * len(r))) for r in mixed]
+        held_out = [np.sort(r[:c]) for r, c in zip(mixed, cut, strict=True)]
+        rows = [np.sort(r[c:]) for r, c in zip(mixed, cut, strict=True)]
+
+    counts = torch.tensor(list(neurons), device=device)
+    width = int(counts.max())
+
+    def problem(chosen: list[np.ndarray], repeats: int = 1) -> _Tanh:
+        many = [r for r in chosen for _ in range(repeats)]
+        scale = [s for s in scalings for _ in range(repeats)]
+        x, y, weight = _gather(inputs, target, many, scale, device)
+        return _Tanh(x, y, weight, counts.repeat_interleave(repeats))
+
+    def fit(task: _Tanh, start: Tensor, how: Settings) -> Result:
+        decay: Tensor | float = 0.0
+        if regularisation.kind == "l2":
+            decay = regularisation.weight * task.count
+        bayesian = regularisation.kind == "bayesian"
+        return minimise(task, start, evidence=bayesian, alpha=decay, settings=how)
+
+    start = torch.stack(
+        [
+            _nguyen_widrow(rng, count, inputs.shape[1], width)
+            for rng, count in zip(rngs, neurons, strict=True)
+            for _ in range(starts)
+        ]
+    ).to(device)
+    few = [
+        np.sort(rng.choice(r, SUBSET, replace=False)) if len(r) > SUBSET else r
+        for rng, r in zip(rngs, rows, strict=True)
+    ]
+    if starts > 1 or any(len(r) > 2 * SUBSET for r in rows):
+        # Most of the way is gone on few samples, at a fraction of the cost; full data
+        # then move the answer by about its standard error on the few.
+        early = fit(problem(few, starts), start, replace(settings, settled_nats=0.5))
+        pick = early.evidence.reshape(-1, starts).nan_to_num(nan=-torch.inf).argmax(1)
+        first = torch.arange(len(rows), device=device) * starts
+        start = early.parameters[first + pick]
+    task = problem(rows)
+    if held_out is not None:
+        task.held_out = problem(held_out)
+        task.held_out.width = task.width
+    result = fit(task, start, settings)
+    seconds = (time.perf_counter() - began) / len(rows)
+    hidden, output, bias = (
+        part.cpu().numpy() for part in task.split(result.parameters)
+    )
+    trained = []
+    for i, count in enumerate(neurons):
+        network = Network(
+            hidden[i, :, :count].T.copy(),
+            np.append(output[i, 0, :count], bias[i]),
+            *scalings[i],
+        )
+        trained.append(
+            Trained(
+                network,
+                int(count),
+                int(task.size[i]),
+                float(result.gamma[i]),
+                float(result.alpha[i]),
+                float(result.beta[i]),
+                int(result.iterations[i]),
+                result.stopped[i],
+                seconds,
+            )
+        )
+    return trained
+
+
+def _nguyen_widrow(rng: np.random.Generator, count: int, d: int, width: int) -> Tensor:
+    """A start (P,) that spreads the active regions of the neurons over [-1, 1]^d.
+
+    Nguyen and Widrow (1990, doi:10.1109/IJCNN.1990.137819).
+    """
+    direction = rng.uniform(-1, 1, (count, d))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    size = 0.7 * count ** (1 / d)
+    offset = np.linspace(-1, 1, count) if count > 1 else np.zeros(1)
+    hidden = np.zeros((d + 1, width))
+    hidden[:d, :count] = size * direction.T
+    hidden[d, :count] = size * offset * np.sign(direction[:, 0])
+    output = np.zeros(width + 1)
+    output[:count] = rng.uniform(-1, 1, count)
+    output[-1] = rng.uniform(-1, 1)
+    return torch.from_numpy(np.concatenate([hidden.ravel(), output]))
+
+
+def _gather(
+    inputs: Array,
+    target: Array,
+    rows: list[np.ndarray],
+    scalings: list[tuple[Scaling, Scaling]],
+    device: str,
+) -> tuple[Tensor, Tensor, Tensor]:
+    most = max(len(r) for r in rows)
+    x = np.zeros((len(rows), most, inputs.shape[1] + 1))
+    y, weight = np.zeros((len(rows), most)), np.zeros((len(rows), most))
+    for i, (r, (scale, scale_y)) in enumerate(zip(rows, scalings, strict=True)):
+        x[i, : len(r), :-1] = scale.apply(inputs[r])
+        x[i, :, -1] = 1
+        y[i, : len(r)] = scale_y.apply(target[r])
+        weight[i, : len(r)] = 1
+    return tuple(torch.from_numpy(a).to(device) for a in (x, y, weight))  # type: ignore[return-value]
+
+
+def _check(
+    inputs: Array,
+    target: Array,
+    neurons: Sequence[int],
+    train_mask: np.ndarray,
+    seeds: Sequence[int],
+    starts: int,
+) -> None:
+    n, batch = len(target), len(neurons)
+    if inputs.shape[:1] != (n,) or inputs.ndim != 2:
+        raise InputError(f"inputs have shape {inputs.shape}; needed is ({n}, d)")
+    if not (np.isfinite(inputs).all() and np.isfinite(target).all()):
+        raise InputError("inputs or target hold NaN or infinity; leave such rows out")
+    if train_mask.shape != (batch, n) or len(seeds) != batch:
+        raise InputError(
+            f"{batch} neuron counts, {len(seeds)} seeds and a mask of shape "
+            f"{train_mask.shape}; needed are as many seeds and ({batch}, {n})"
+        )
+    if batch == 0 or min(neurons) < 1 or starts < 1:
+        raise InputError("neurons and starts must be 1 or more, of 1 network or more")
+    fewest = int(train_mask.sum(axis=1).min())
+    if fewest < 2:
+        raise InputError(f"a training set has {fewest} samples; at least 2 are needed")
