@@ -160,7 +160,7 @@ def compensate_toe(
     }
     if begin == 0:
         return recording.with_step("compensate_toe", found)
-    sign = _sign(recording)
+    sign = sign_of(recording)
     before = int(np.flatnonzero(x[:begin] <= shift)[-1])
     time = recording.time_s.copy()
     time[before] += (shift - x[before]) * np.divide(
@@ -258,7 +258,7 @@ def by_group(recordings: Iterable[Recording], what: str = "") -> list[list[Recor
         recordings, key=lambda r: (r.material, r.test, r.rate_per_s or 0.0)
     )
     for recording in ordered:
-        if groups and _alike(groups[-1][0], recording):
+        if groups and alike(groups[-1][0], recording):
             groups[-1].append(recording)
         else:
             groups.append([recording])
@@ -267,15 +267,15 @@ def by_group(recordings: Iterable[Recording], what: str = "") -> list[list[Recor
     return groups
 
 
-def _alike(a: Recording, b: Recording) -> bool:
+def alike(a: Recording, b: Recording) -> bool:
     rates = a.rate_per_s or 0.0, b.rate_per_s or 0.0
     same = (a.material, a.test) == (b.material, b.test)
     return same and rates[1] <= 1.1 * rates[0]
 
 
 def _mean(group: Sequence[Recording], samples: int | None) -> Recording:
-    sign = _sign(group[0])
-    curves = [_rising(r) for r in group]
+    sign = sign_of(group[0])
+    curves = [rising(r) for r in group]
     ends = np.array([x[-1] for x, _, _ in curves])
     number = samples or int(np.median([len(r) for r in group]))
     grid = np.linspace(0, ends.mean(), max(number, 2))
@@ -387,7 +387,7 @@ def _one_second(time_s: Array) -> int:
 
 def remove_negative_offset(recording: Recording) -> Recording:
     """Lift a curve that starts below zero load to zero (step 7); others stay."""
-    sign = _sign(recording)
+    sign = sign_of(recording)
     offset = min(0.0, float(sign * recording.stress_MPa[0]))
     return recording.with_step(
         "remove_negative_offset",
@@ -411,7 +411,7 @@ def resample(recording: Recording, samples: int) -> Recording:
     """`samples` points at equal strain steps; a strain that turns back is skipped."""
     if samples < 2:
         raise InputError(f"samples is {samples}; at least 2 are needed")
-    sign = _sign(recording)
+    sign = sign_of(recording)
     x = sign * recording.strain
     forward = _forward(x)
     grid = np.linspace(x[forward[0]], x[forward[-1]], samples)
@@ -442,7 +442,7 @@ def _complete(recording: Recording) -> Recording:
     return recording.take(whole).with_step("drop_missing", removed)
 
 
-def _sign(recording: Recording) -> float:
+def sign_of(recording: Recording) -> float:
     """-1 for a recording whose largest stress is compressive, else 1."""
     y = recording.stress_MPa
     return -1.0 if -np.nanmin(y) > np.nanmax(y) else 1.0
@@ -450,7 +450,7 @@ def _sign(recording: Recording) -> float:
 
 def _upright(recording: Recording) -> tuple[Array, Array]:
     """Strain and stress with the main direction of loading positive."""
-    sign = _sign(recording)
+    sign = sign_of(recording)
     return sign * recording.strain, sign * recording.stress_MPa
 
 
@@ -463,7 +463,7 @@ def _forward(x: Array) -> Indices:
     return forward
 
 
-def _rising(recording: Recording) -> tuple[Array, Array, Array]:
+def rising(recording: Recording) -> tuple[Array, Array, Array]:
     """Strain (growing), stress and time from its start, of a loading curve."""
     x, y = _upright(recording)
     forward = _forward(x)
