@@ -118,6 +118,10 @@ def test_a_planted_model_comes_back(relaxation, regression):
     other = made(relaxation, rate=0.025)
     assert nrmse(found.predict(other), other.stress_MPa) < 1e-12
     assert (found.segments, found.branches) == (3, relaxation.branches)
+    # The model of the contract says the same.
+    chunk = Chunk(curve.time_s, curve.strain)
+    stress, _ = found.model.apply(found.parameters, chunk)
+    np.testing.assert_allclose(stress, found.predict(curve), atol=1e-14)
 
 
 def test_compression_is_tension_with_the_signs_turned():

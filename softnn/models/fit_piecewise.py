@@ -9,7 +9,8 @@ finds springs and branches together from curves of several rates.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -17,11 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular, solveh_banded
 from scipy.optimize import least_squares, nnls
 
-from softnn.contracts import Array, Chunk, InputError
+from softnn.contracts import Array, Chunk, InputError, Model
 from softnn.models import branches as maxwell
 from softnn.models.branches import Update
-from softnn.models.linear import Branched
-from softnn.models.piecewise import PLSLS, PLWiechert, SecondOrderExponential
+from softnn.models.piecewise import (
+    PLSLS,
+    PLWiechert,
+    SecondOrderExponential,
+    engaged,
+)
 from softnn.models.relaxation import Relaxation
 from softnn.models.segments import Knots, Optimal, Tolerance
 
@@ -40,25 +45,65 @@ class Curve(Protocol):
 
 
 @dataclass(frozen=True)
-class PiecewiseFit:
-    """A fitted model with its parameters, and the choices it came from."""
+class Fit:
+    """A model with its parameters, fitted."""
 
-    model: Branched
+    model: Model
     parameters: dict[str, float]
-    choices: dict[str, object] = field(default_factory=dict)
-
-    @property
-    def segments(self) -> int:
-        return len(self.model.knots) if isinstance(self.model, PLWiechert) else 1
-
-    @property
-    def branches(self) -> int:
-        return self.model.prony(self.parameters)[0].shape[1]
 
     def predict(self, curve: Curve) -> Array:
         """Stress (n,), MPa, over the time and strain of a curve, from rest."""
         chunk = Chunk(curve.time_s, curve.strain)
         return self.model.respond(self.parameters, chunk)[0].stress
+
+
+@dataclass(frozen=True)
+class PiecewiseFit:
+    """Springs (m,) that engage at knots (m,), the branches beside them, and how made.
+
+    Kept as arrays: the thesis's criterion gives hundreds of segments, and a study
+    makes thousands of fits. `model` and `parameters` are the same fit in the form of
+    the contract.
+    """
+
+    knots: Array
+    springs: Array
+    relaxation: Relaxation
+    how: str
+    update: Update = "exact"
+
+    @property
+    def segments(self) -> int:
+        return len(self.knots)
+
+    @property
+    def branches(self) -> int:
+        return self.relaxation.branches
+
+    @cached_property
+    def model(self) -> PLWiechert:
+        if self.branches == 1:
+            return PLSLS(self.knots, self.update)
+        return PLWiechert(self.knots, self.branches, self.update)
+
+    @cached_property
+    def parameters(self) -> dict[str, float]:
+        named = dict(zip(self.model.springs, self.springs.tolist(), strict=True))
+        if self.branches > 1:
+            return named | self.relaxation.branch_parameters
+        (k,), (tau,) = self.relaxation.stiffness, self.relaxation.relaxation_time
+        return named | {"stiffness": k, "relaxation_time": tau}
+
+    def predict(self, curve: Curve, viscous: Array | None = None) -> Array:
+        """Stress (n,), MPa, over the time and strain of a curve, from rest.
+
+        `viscous` (n,) is the stress of the branches on that curve, where it is known.
+        """
+        strain = np.asarray(curve.strain, dtype=float)[:, None]
+        elastic = engaged(self.knots, self.springs[None, :], strain)[:, 0]
+        if viscous is None:
+            viscous = branch_stress(self.relaxation, curve, self.update)
+        return elastic + viscous
 
 
 def branch_stress(
@@ -209,31 +254,9 @@ def fit_elastic(
     if regression not in ("segment", "joint"):
         raise InputError(f"regression {regression!r}; allowed is 'segment', 'joint'")
     slopes = (segment_slopes if regression == "segment" else joint_slopes)(curve, at)
-    choices: dict[str, object] = {"knots": str(knots), "regression": regression}
-    return assembled(curve.side * at, slopes, relaxation, choices, update)
-
-
-def assembled(
-    knots: Array,
-    slopes: Array,
-    relaxation: Relaxation,
-    choices: dict[str, object],
-    update: Update = "exact",
-) -> PiecewiseFit:
-    """The model of these knots (m,) and slopes (m,) beside the given branches."""
-    model: PLWiechert
-    if relaxation.branches == 1:
-        model = PLSLS(knots, update)
-        branch = {
-            "stiffness": relaxation.stiffness[0],
-            "relaxation_time": relaxation.relaxation_time[0],
-        }
-    else:
-        model = PLWiechert(knots, relaxation.branches, update)
-        branch = relaxation.branch_parameters
-    springs = np.diff(slopes, prepend=0.0).tolist()
-    parameters = dict(zip(model.springs, springs, strict=True))
-    return PiecewiseFit(model, parameters | branch, choices)
+    springs = np.diff(slopes, prepend=0.0)
+    how = f"{knots}, {regression} regression"
+    return PiecewiseFit(curve.side * at, springs, relaxation, how, update)
 
 
 def sweep(
@@ -303,8 +326,8 @@ def fit_jointly(
     found = Relaxation(
         0.0, tuple(k.tolist()), tuple(tau[chosen].tolist()), "joint least squares"
     )
-    choices: dict[str, object] = {"knots": str(cut), "regression": "with branches"}
-    return assembled(mean.side * at, np.cumsum(springs), found, choices, update)
+    how = f"{cut}, with the branches"
+    return PiecewiseFit(mean.side * at, springs, found, how, update)
 
 
 def default_times(curves: Sequence[Curve], per_decade: int = 3) -> Array:
@@ -353,7 +376,7 @@ def fit_std_lin_sds(
     return fit(curves, relaxation, knots, subtract=False)
 
 
-def fit_exponential(curves: Sequence[Curve]) -> PiecewiseFit:
+def fit_exponential(curves: Sequence[Curve]) -> Fit:
     """`SecondOrderExponential` by least squares; amplitudes solved for exactly.
 
     The exponents are searched from a few starts, per unit of the largest strain.
@@ -381,4 +404,4 @@ def fit_exponential(curves: Sequence[Curve]) -> PiecewiseFit:
     names = [p.name for p in SecondOrderExponential.parameters]
     b = exponents / reach
     parameters = dict(zip(names, map(float, (a[0], b[0], a[1], b[1])), strict=True))
-    return PiecewiseFit(SecondOrderExponential(), parameters)
+    return Fit(SecondOrderExponential(), parameters)

@@ -1,0 +1,322 @@
+"""Piecewise-linear models on the recordings that the networks are trained on.
+
+Two questions are kept apart. *As in the thesis* (Fig. 5.6): branches from a hold, the
+springs k* from the mean curve of one rate, and the error over the mean curves of all
+rates, the one fitted among them, with the tolerance chosen for that error. *Like for
+like*: the error on the samples a network is judged on, by a fit that has seen the
+training recordings only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from softnn import prepare
+from softnn.contracts import Array, InputError
+from softnn.crossval import make_folds, score
+from softnn.metrics import generalisation_error, nrmse
+from softnn.models.fit_piecewise import PiecewiseFit, branch_stress, fit_jointly, sweep
+from softnn.models.relaxation import (
+    Hold,
+    Relaxation,
+    best_branches,
+    mean_hold,
+    non_negative,
+    three_points,
+)
+from softnn.models.segments import Tolerance
+from softnn.recording import Recording
+
+TOLERANCES = tuple(t / 100 for t in range(10, 101, 10))
+MODELS = ("PL-SLS", "PL-Wiechert")
+SPLITS = ("specimen", "rate")
+JOINT_BRANCHES = {"PL-SLS": 1, "PL-Wiechert": 5}
+# The thesis takes k* from 500 mm/min, for SR, which has none, from the slowest.
+SLOWEST = ("SR",)
+ALIKE = 0.1  # held strains within this fraction of each other are one test
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Branches of one model from one group of holds, and how they were found."""
+
+    model: str
+    relaxation: Relaxation
+    held_strain: float
+    held_s: float
+    rule: str
+
+
+def hold_of(recording: Recording) -> tuple[Hold, float]:
+    """Time since the strain was reached and modulus of a ramp and hold; its strain.
+
+    The held strain is the median of the second half of the time. The hold starts where
+    99.5 % of it is first reached.
+    """
+    known = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
+    part = recording.take(np.flatnonzero(known))
+    time, strain = part.time_s, part.strain
+    late = time >= (time[0] + time[-1]) / 2
+    level = float(np.median(strain[late]))
+    if not abs(level) > 0:
+        raise InputError(f"{recording.name}: no strain is held at its end")
+    start = int(np.argmax(strain / level >= 0.995))
+    if len(part) - start < 3:
+        raise InputError(f"{recording.name}: the hold is shorter than three samples")
+    return (time[start:] - time[start], part.stress_MPa[start:] / level), level
+
+
+def hold_groups(recordings: Sequence[Recording]) -> list[tuple[Hold, float]]:
+    """Mean hold of each test: recordings held at the same strain for as long."""
+    holds = [hold_of(r) for r in recordings]
+    groups: list[list[tuple[Hold, float]]] = []
+    for hold, level in sorted(holds, key=lambda h: (h[1], h[0][0][-1])):
+        if groups:
+            (time, _), other = groups[-1][0]
+            near = abs(level - other) <= ALIKE * abs(other)
+            if near and hold[0][-1] <= 2 * time[-1]:
+                groups[-1].append((hold, level))
+                continue
+        groups.append([(hold, level)])
+    return [
+        (mean_hold([h for h, _ in g]), float(np.mean([level for _, level in g])))
+        for g in groups
+    ]
+
+
+def late_tau(hold: Hold) -> Relaxation:
+    """Eq. 5.2 with tau read literally: the stress nearest to 36.8 % of its start.
+
+    Most holds never fall that far; tau is then near their end, and the branch is
+    all but a spring within a tensile test.
+    """
+    fit = three_points(*hold)
+    time, modulus = hold
+    nearest = int(np.argmin(np.abs(modulus - modulus[0] / np.e)))
+    tau = float(time[nearest] - time[0])
+    late = Relaxation(fit.equilibrium, fit.stiffness, (tau,), "three points, literal")
+    error = late.modulus(time - time[0]) - modulus
+    return Relaxation(
+        late.equilibrium,
+        late.stiffness,
+        late.relaxation_time,
+        late.method,
+        float(np.sqrt(np.mean(error**2))),
+    )
+
+
+def variants(recordings: Sequence[Recording]) -> Iterator[Variant]:
+    """Every reading of the thesis's way to branches, for every group of holds."""
+    for hold, level in hold_groups(recordings):
+        about = level, float(hold[0][-1])
+        decaying = three_points(*hold)
+        yield Variant("PL-SLS", decaying, *about, "tau of the decaying part")
+        yield Variant("PL-SLS", late_tau(hold), *about, "tau read literally")
+        collocated, _ = best_branches(hold)
+        yield Variant("PL-Wiechert", collocated, *about, "collocation")
+        constrained = non_negative(*hold, collocated.branches)
+        yield Variant("PL-Wiechert", constrained, *about, "non-negative least squares")
+
+
+def rate_errors(fit: PiecewiseFit, curves: Sequence[Recording]) -> list[float]:
+    """NRMSE on each curve."""
+    return [nrmse(fit.predict(c), c.stress_MPa) for c in curves]
+
+
+def fitted_curve(curves: Sequence[Recording]) -> Recording:
+    """The mean curve k* is taken from: the fastest; of some materials the slowest."""
+    ordered = sorted(curves, key=lambda c: c.rate_per_s or 0.0)
+    return ordered[0 if ordered[0].material in SLOWEST else -1]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A fit, what it was chosen from, and its NRMSE on the mean curve of each rate."""
+
+    fit: PiecewiseFit
+    variant: Variant
+    tolerance: float
+    errors: list[float]
+
+    @property
+    def generalisation_error(self) -> float:
+        return generalisation_error(self.errors)
+
+
+def choices(
+    curves: Sequence[Recording],
+    found: Sequence[Variant],
+    train: Sequence[Recording] | None = None,
+) -> list[Choice]:
+    """A fit to `train` (as in the thesis, one curve) per variant and tolerance."""
+    train = [fitted_curve(curves)] if train is None else train
+    rows = sweep(
+        train, [v.relaxation for v in found], [Tolerance(t) for t in TOLERANCES]
+    )
+    made = []
+    for variant, row in zip(found, rows, strict=True):
+        viscous = [branch_stress(variant.relaxation, c) for c in curves]
+        for tolerance, fit in zip(TOLERANCES, row, strict=True):
+            errors = [
+                nrmse(fit.predict(c, v), c.stress_MPa)
+                for c, v in zip(curves, viscous, strict=True)
+            ]
+            made.append(Choice(fit, variant, tolerance, errors))
+    return made
+
+
+def best(found: Sequence[Choice], model: str) -> Choice:
+    """The choice of least generalisation error among those of a model."""
+    mine = [c for c in found if c.variant.model == model]
+    return min(mine, key=lambda c: c.generalisation_error)
+
+
+def piecewise_baselines(
+    tensile: Sequence[Recording], relaxation: Sequence[Recording]
+) -> dict[str, Any]:
+    """PL-SLS and PL-Wiechert on prepared specimens and holds, ready for JSON.
+
+    Each model has its generalisation error over rates as in the thesis (eq. 5.13) with
+    the tolerance (a fraction), segments, branches and variant it was chosen with, the
+    same for every variant, the springs and branches fitted jointly, and, like for
+    like, the mean NRMSE over folds by specimen and by rate. Errors are fractions.
+
+    Raises `InputError` where there is no hold to take branches from.
+    """
+    if not relaxation:
+        raise InputError("no relaxation test; piecewise models take branches from one")
+    curves = prepare.unify(tensile)
+    found = choices(curves, list(variants(relaxation)))
+    table: dict[str, Any] = {}
+    for model in MODELS:
+        chosen = best(found, model)
+        table[model] = {
+            **described(chosen, curves),
+            "fitted_rate_per_s": fitted_curve(curves).rate_per_s,
+            "variants": [
+                described(best([c for c in found if c.variant is v], model), curves)
+                for v in dict.fromkeys(c.variant for c in found)
+                if v.model == model
+            ],
+            "joint": jointly(model, curves),
+            "like_for_like": {},
+        }
+    for split in SPLITS:
+        for model, entry in like_for_like(split, tensile, relaxation).items():
+            table[model]["like_for_like"][split] = entry
+    return table
+
+
+def described(choice: Choice, curves: Sequence[Recording]) -> dict[str, Any]:
+    """A choice as it is reported."""
+    v = choice.variant
+    return {
+        "generalisation_error": choice.generalisation_error,
+        "tolerance": choice.tolerance,
+        "segments": choice.fit.segments,
+        "branches": choice.fit.branches,
+        "negative_branches": v.relaxation.negative,
+        "rule": v.rule,
+        "held_strain": v.held_strain,
+        "held_s": v.held_s,
+        "relaxation": v.relaxation.to_dict(),
+        "nrmse_by_rate": _by_rate(curves, choice.errors),
+    }
+
+
+def jointly(model: str, curves: Sequence[Recording]) -> dict[str, Any] | None:
+    """Springs and branches from the mean curves of all rates; None for one rate."""
+    if len({c.rate_per_s for c in curves}) < 2:
+        return None
+    fit = fit_jointly(curves, JOINT_BRANCHES[model])
+    errors = rate_errors(fit, curves)
+    return {
+        "nrmse_over_rates": generalisation_error(errors),
+        "segments": fit.segments,
+        "branches": fit.branches,
+        "nrmse_by_rate": _by_rate(curves, errors),
+    }
+
+
+def like_for_like(
+    split: str, tensile: Sequence[Recording], relaxation: Sequence[Recording]
+) -> dict[str, Any]:
+    """Mean NRMSE over the folds a network is judged on, by model; see the module.
+
+    `as_in_thesis` chooses variant and tolerance on the mean curves of the training
+    recordings; `joint` fits springs and branches to those curves. A hold of a held-out
+    recording is not used.
+    """
+    index = np.repeat(np.arange(len(tensile)), [len(r) for r in tensile])
+    target = np.concatenate([r.stress_MPa for r in tensile])
+    try:
+        folds = make_folds(tensile, index, split)
+    except InputError as reason:
+        return {model: {"not_possible": str(reason)} for model in MODELS}
+    kept: dict[tuple[str, str], list[Array]] = {}
+    reasons: dict[tuple[str, str], str] = {}
+    for test in folds.test:
+        held_out = set(index[test])
+        train = [r for i, r in enumerate(tensile) if i not in held_out]
+        names = {tensile[i].name for i in held_out}
+        holds = [r for r in relaxation if r.name not in names]
+        fits = training_fits(train, holds, reasons)
+        for key, fit in fits.items():
+            predicted = np.full(len(target), np.nan)
+            for i in held_out:
+                predicted[index == i] = fit.predict(tensile[i])
+            kept.setdefault(key, []).append(predicted)
+    table: dict[str, Any] = {}
+    for model in MODELS:
+        table[model] = {}
+        for way in ("as_in_thesis", "joint"):
+            rows = kept.get((model, way), [])
+            if len(rows) < len(folds.test):
+                why = reasons.get((model, way), "a fold has no training recording")
+                table[model][way] = {"not_possible": why}
+                continue
+            scores = score(folds, np.stack(rows), target)
+            table[model][way] = {
+                "nrmse": scores.generalisation_error,
+                "r2": scores.mean_r2,
+                "nrmse_by_fold": dict(
+                    zip(folds.names, scores.nrmse.tolist(), strict=True)
+                ),
+            }
+        table[model]["note"] = folds.note
+    return table
+
+
+def training_fits(
+    train: Sequence[Recording],
+    holds: Sequence[Recording],
+    reasons: dict[tuple[str, str], str],
+) -> dict[tuple[str, str], PiecewiseFit]:
+    """A fit for each model and way, from training recordings; else the reason."""
+    fits: dict[tuple[str, str], PiecewiseFit] = {}
+    curves = prepare.unify(train) if train else []
+    found = choices(curves, list(variants(holds))) if curves and holds else []
+    rates = {c.rate_per_s for c in curves}
+    for model in MODELS:
+        if found:
+            fits[model, "as_in_thesis"] = best(found, model).fit
+        else:
+            reasons[model, "as_in_thesis"] = "a fold leaves no hold to train on"
+        if len(rates) > 1:
+            fits[model, "joint"] = fit_jointly(curves, JOINT_BRANCHES[model])
+        else:
+            reasons[model, "joint"] = (
+                "a fold leaves one rate: branches pass for springs"
+            )
+    return fits
+
+
+def _by_rate(curves: Sequence[Recording], errors: Sequence[float]) -> dict[str, float]:
+    return {
+        "not given" if c.rate_per_s is None else f"{c.rate_per_s:.4g}": error
+        for c, error in zip(curves, errors, strict=True)
+    }
