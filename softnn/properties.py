@@ -54,7 +54,7 @@ def elastic(
 
     A range is straight while the bend in it, root mean square, is at most `bend` of
     its rise in stress (0.03 corresponds to R2 = 0.99). `E_small` is the slope of the
-    longest straight range that starts at zero strain and grows without a break; its
+    longest straight range that starts at zero strain and grows without a break; the
     bend is that of a fitted parabola, and does not count while noise may make it (three
     standard errors). The offset line runs
     parallel to it, `offset` of strain further on; the curve yields where it meets that
@@ -121,9 +121,13 @@ def _first_range(x: Array, y: Array, bend: float) -> int:
         rise = np.abs(uy / uu * u)
     # Smoothed noise is slow: look for it at longer strides too.
     doubt = 3 * max(prepare.noise(y[::k]) for k in (1, 4, 16)) / np.sqrt(n)
-    least = 5
-    broken = np.flatnonzero(bent[least:] > np.maximum(bend * rise, doubt)[least:])
-    return least + int(broken[0]) if broken.size else len(x)
+    straight = np.flatnonzero(bent <= np.maximum(bend * rise, doubt))
+    straight = straight[straight >= 4]
+    if not straight.size:
+        return len(x)
+    # A break holds on until the range is half as long again; a shorter one is noise.
+    broken = np.flatnonzero(u[straight[1:]] > 1.5 * u[straight[:-1]])
+    return int(straight[broken[0] if broken.size else -1]) + 1
 
 
 def _widest_range(x: Array, y: Array, bend: float, points: int = 160) -> tuple:
