@@ -286,6 +286,8 @@ def _mean(group: Sequence[Recording], samples: int | None) -> Recording:
         "samples": len(grid),
         "ultimate_strain": [float(sign * e) for e in ends],
         "whole_at_the_end": int(np.sum(ends >= grid[-1] * (1 - 1e-12))),
+        "noise_MPa": float(np.sqrt(np.mean([noise_of(r) ** 2 for r in group])))
+        / np.sqrt(len(group)),
     }
     rate = "" if first.rate_per_s is None else f" {first.rate_per_s:.3g}/s"
     mean = Recording(
@@ -338,8 +340,9 @@ def smooth(
         "guard": guard,
         "peak_to_peak_MPa": level,
         "one_second": second,
+        "noise_MPa": max(noise(y), _quantum(y) / np.sqrt(12)) if level > 0 else 0.0,
     }
-    allowed = guard * max(noise(y), _quantum(y) / np.sqrt(12))
+    allowed = guard * found["noise_MPa"]
     window = min(second, len(y) - 1 + len(y) % 2) if level > 0 else 0
     while window > order + 1:
         smoothed = savgol_filter(y, window, order)
@@ -405,6 +408,17 @@ def noise(values: Array) -> float:
     if len(values) < 5:
         return 0.0
     return float(1.4826 * np.median(np.abs(np.diff(values, 2))) / np.sqrt(6))
+
+
+def noise_of(recording: Recording) -> float:
+    """White noise of the stress [MPa] as it was before smoothing took the fast part.
+
+    What is slower than the window is still there: a fit has to reckon with it.
+    """
+    for step in reversed(recording.log):
+        if "noise_MPa" in step.arguments:
+            return float(step.arguments["noise_MPa"])
+    return noise(recording.stress_MPa)
 
 
 def resample(recording: Recording, samples: int) -> Recording:

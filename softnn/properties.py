@@ -75,7 +75,7 @@ def elastic(
             f"{len(x)} samples of growing strain; at least 10 are needed",
             file=recording.source or recording.name or None,
         )
-    end = _first_range(x, y, bend)
+    end = _first_range(x, y, bend, prepare.noise_of(recording))
     slope, intercept = _line(x[:end], y[:end])
     above = y - (intercept + slope * (x - offset))
     met = np.flatnonzero((above <= 0) & (x > x[0] + offset))
@@ -103,7 +103,7 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
     return float(slope), float(intercept)
 
 
-def _first_range(x: Array, y: Array, bend: float) -> int:
+def _first_range(x: Array, y: Array, bend: float, noise: float) -> int:
     """Samples of the first straight range: where a fitted parabola stays flat enough.
 
     Of all ranges from the first sample at once, by running sums.
@@ -119,8 +119,7 @@ def _first_range(x: Array, y: Array, bend: float) -> int:
         curvature = (vy - uv * uy / uu) / free
         bent = np.abs(curvature) * np.sqrt(np.maximum(free, 0) / n)
         rise = np.abs(uy / uu * u)
-    # Smoothed noise is slow: look for it at longer strides too.
-    doubt = 3 * max(prepare.noise(y[::k]) for k in (1, 4, 16)) / np.sqrt(n)
+    doubt = 3 * noise / np.sqrt(n)
     straight = np.flatnonzero(bent <= np.maximum(bend * rise, doubt))
     straight = straight[straight >= 4]
     if not straight.size:
