@@ -1,183 +1,177 @@
 """How far do the virtual specimens miss the published properties, and why?
 
-`--calibrate` first fits the generator to Tables 4.2 and 4.4 and writes
-`data/virtual/NAME.toml`; without it the stored calibration is judged.
+Every property of Tables 4.2 and 4.4 is measured on the virtual specimens as on real
+recordings (raw, prepared, unified) and stands beside the published one.
 """
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import asdict, replace
-from pathlib import Path
+import sys
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from softnn import virtual
-from softnn.contracts import Array
-from softnn.materials import MATERIALS, Material, data_path, material, table
+from softnn import prepare, virtual
+from softnn.materials import MATERIALS, Material, material, table
+from softnn.recording import Recording, data_hash
+from studies import common
+from studies.calibration import measured, targets, unexplained
 
-# Relaxation times of the branches, s: half a decade apart, from what the ramp of a
-# relaxation test still shows to what is over within its first quarter of an hour.
-BRANCH_TIMES = tuple(float(f"{t:.2g}") for t in np.logspace(-1, 2.5, 8))
-SMALL = (0.02, 0.15)  # strain range of E_small
-STARTS = 1
-LARGE = (0.25, 0.75)  # strain range of E_large, from the yield point to the end
+LISTED = 0.25  # a miss above this needs a reason
+REASONS = {
+    ("NatR", "250 mm/min", "ultimate_stress_median"): "15.88 MPa at a median strain of "
+    "12.11 beside a mean curve that has 7.38 MPa at 11.27: the two ask for an upturn "
+    "steeper than the bands of one material and 8 % of scatter in its onset give",
+    ("NatR", "test 1", "stress_start"): "Table 4.4 has 2.3 times the stress of Table "
+    "4.2 at the same strain and speed; one material gives one of the two",
+    ("NatR", "test 1", "stress_end"): "as for the stress at the start of the hold",
+}
 
 
-def calibrate(name: str) -> virtual.Calibration:
-    """The generator's parameters for one material, by robust least squares."""
-    m = material(name)
-    scatter = _scatter(name)
-    several = len(m.speeds) > 1
-    # Each speed was measured on other specimens; a mean of n departs from the
-    # material by two standard errors at most.
-    limits = {s: 2 * scatter / np.sqrt(n) for s, n in m.specimens.items()}
-    first = m.elastic[m.speeds[0]]
-    knee = first["yield_stress"] - first["E_large"] * first["yield_strain"]
-    crystallises = name in ("FR", "NatR")  # thesis section 4.3.1.2
+def main(argv: list[str] | None = None) -> int:
+    parser = common.parser("virtual_specimens", __doc__)
+    options = parser.parse_args(argv)
 
-    rates = list(limits) if several else []
-    bands = m.speeds if name == "NatR" else ()
-    space = {  # low, start, high
-        "knee": (0.05, 0.8, 2.0),
-        "knee_strain": (0.05, 0.18, 1.0),
-        "sharpness": (0.7, 1.5, 2.5),
-        "modulus": (0.3, 0.8, 1.5),
-        "upturn": (0.0, 0.01, 3.0),
-        "upturn_strain": (0.4, 0.7, 0.95),
-        "branches": (0.02, 0.6, 4.0),
-        "slope": (-0.4, 0.0, 1.0),
-        "bend": (-0.5, 0.0, 1.0),
-        "share": (0.0, 0.1, 0.6),
-        "branch_strain": (0.1, 0.3, 3.0),
-        "slack": (0.0, 0.3, 1.5),
+    def work() -> None:
+        names = ("NatPolR",) if options.smoke else MATERIALS
+        result = run(names, options.seed)
+        folder = common.results_folder(options.smoke)
+        path = common.write_result(
+            "virtual_specimens",
+            result["headline"],
+            result,
+            seed=options.seed,
+            data={n: data_hash(_all(n, options.seed)) for n in names},
+            folder=folder,
+        )
+        figure = draw(names, options.seed)
+        common.save_figure(figure, "virtual_specimens", folder)
+        print(report(result))
+        print(path)
+
+    return common.guarded(work)
+
+
+def run(names: tuple[str, ...], seed: int) -> dict[str, Any]:
+    """Published and recovered properties of the materials `names`."""
+    rows = [row for name in names for row in compare(name, seed)]
+    scatter = [_scatter(name, seed) for name in names]
+    missed = np.array([abs(r["deviation"]) for r in rows])
+    listed = [r for r in rows if abs(r["deviation"]) > LISTED]
+    headline = {
+        "properties": len(rows),
+        "median_deviation": float(np.median(missed)),
+        "within_10_percent": float(np.mean(missed <= 0.10)),
+        "above_25_percent": len(listed),
+        "above_25_percent_without_reason": sum(r["reason"] is None for r in listed),
+        "largest_r2_difference": max(abs(s["r2"] - s["r2_published"]) for s in scatter),
     }
-    space |= {f"stiffness {s}": (-limits[s], 0.0, limits[s]) for s in rates}
-    space |= {f"extensibility {s}": (-0.2, 0.0, 0.2) for s in bands if s != 250}
-    low, start, high = np.array(list(space.values())).T
+    return {"headline": headline, "properties": rows, "scatter": scatter}
 
-    def build(x: Array) -> virtual.Calibration:
-        v = dict(zip(space, x, strict=True))
-        decade = np.log10(BRANCH_TIMES) - np.log10(BRANCH_TIMES).mean()
-        weights = 10 ** (-v["slope"] * decade - v["bend"] * decade**2)
-        last = first["ultimate_strain_median"]
-        upturn = v["upturn"] * first["ultimate_stress_median"] / (0.3 * last) ** 3
-        return virtual.Calibration(
-            knee_stress=v["knee"] * knee,
-            knee_strain=v["knee_strain"],
-            knee_sharpness=v["sharpness"],
-            modulus=v["modulus"] * first["E_large"],
-            upturn=upturn if crystallises else 0.0,
-            upturn_strain=v["upturn_strain"] * last,
-            branch_moduli=tuple(
-                v["branches"] * first["E_small"] * weights / weights.sum()
-            ),
-            branch_times=BRANCH_TIMES,
-            branch_share=v["share"],
-            branch_strain=v["branch_strain"],
-            scatter=scatter,
-            extensibility_scatter=scatter / 2 if bands else 0.0,
-            relaxation_slack_mm=v["slack"],
-            stiffness={s: float(np.exp(v[f"stiffness {s}"])) for s in rates},
-            extensibility={
-                s: float(np.exp(v.get(f"extensibility {s}", 0.0))) for s in bands
-            },
-        )
 
-    def residuals(x: Array) -> Array:
-        return np.array(list(_misses(m, build(x)).values()))
+def compare(name: str, seed: int = 0) -> Iterator[dict[str, Any]]:
+    """One row a property: published, found, relative deviation, reason if large."""
+    m = material(name)
+    found = measured(m, virtual.tensile(name, seed), virtual.relaxation(name, seed))
+    for (where, key), published in targets(m).items():
+        value = found[where, key]
+        yield {
+            "material": name,
+            "where": where,
+            "property": key,
+            "published": published,
+            "found": value,
+            "deviation": value / published - 1,
+            "reason": REASONS.get((name, where, key)),
+        }
 
-    # The loss has several valleys; a few starts, the best kept.
-    rng = np.random.default_rng(0)
-    starts = [start, *(low + (high - low) * rng.uniform(0.1, 0.9, (STARTS, len(low))))]
-    fits = [
-        least_squares(
-            residuals, s, bounds=(low, high), loss="soft_l1", f_scale=0.1, x_scale="jac"
-        )
-        for s in starts
+
+def _scatter(name: str, seed: int) -> dict[str, Any]:
+    """What no function of strain and rate explains, beside the published networks.
+
+    The error was calibrated to the published one; R2 was not.
+    """
+    recordings = virtual.tensile(name, seed)
+    error = unexplained(recordings)
+    ready = [prepare.specimen(r, samples=len(r)) for r in recordings]
+    stress = np.concatenate([r.stress_MPa for r in ready])
+    published = table("6.6").row(material=name, model="ANN")
+    return {
+        "material": name,
+        "unexplained": error,
+        "network_error_published": published["generalisation_error"] / 100,
+        "r2": float(1 - error**2 * np.mean(stress**2) / np.var(stress)),
+        "r2_published": published["r2"] / 100,
+    }
+
+
+def _all(name: str, seed: int) -> list[Recording]:
+    return virtual.tensile(name, seed) + virtual.relaxation(name, seed)
+
+
+def report(result: dict[str, Any]) -> str:
+    """The table that is printed: misses by material and property, in per cent."""
+    rows = result["properties"]
+    keys = list(dict.fromkeys(r["property"] for r in rows))
+    places = list(dict.fromkeys((r["material"], r["where"]) for r in rows))
+    misses = {(r["material"], r["where"], r["property"]): r["deviation"] for r in rows}
+    lines = [
+        [" ".join(place)]
+        + [
+            f"{100 * v:+.0f}" if (v := misses.get((*place, k))) is not None else None
+            for k in keys
+        ]
+        for place in places
     ]
-    best = min(fits, key=lambda f: f.cost)
-    print(name, [round(f.cost, 4) for f in fits])
-    print({k: round(float(q), 3) for k, q in zip(space, best.x)})
-    return build(best.x)
+    text = [common.markdown(["miss in %", *keys], lines)]
+    for r in rows:
+        if abs(r["deviation"]) > LISTED:
+            what = f"{r['material']}, {r['where']}, {r['property']}"
+            text.append(f"{what}: {r['deviation']:+.0%}; {r['reason'] or 'no reason'}")
+    text += [f"{k}: {v:.4g}" for k, v in result["headline"].items()]
+    return "\n".join(text)
 
 
-def _scatter(name: str) -> float:
-    row = table("6.6").row(material=name, model="ANN")
-    return {"NatR": 0.12}.get(name, row["generalisation_error"] / 100)
+def draw(names: tuple[str, ...], seed: int) -> Any:
+    """Stress over strain of every virtual specimen, with the published points."""
+    columns = min(4, len(names))
+    lines = -(-len(names) // columns)
+    figure = common.new_figure(2.6 * columns, 2.3 * lines)
+    for i, name in enumerate(names):
+        axes = figure.add_subplot(lines, columns, i + 1)
+        m = material(name)
+        for speed, colour in zip((50, 250, 500), common.COLOURS, strict=False):
+            if speed in m.speeds:
+                _draw_speed(axes, m, speed, colour, seed)
+        axes.set_title(name)
+        axes.set_ylim(bottom=0)
+        if i % columns == 0:
+            axes.set_ylabel("stress [MPa]")
+        if i >= len(names) - columns:
+            axes.set_xlabel("strain")
+    last = figure.axes[-1]
+    last.plot([], [], "ko", ms=4, mfc="none", label="published")
+    for line in last.legend(fontsize=7, loc="upper left").get_lines():
+        line.set_linewidth(1.5)
+    figure.suptitle("Virtual specimens, prepared, and the published values", size=9)
+    return figure
 
 
-def _misses(m: Material, c: virtual.Calibration) -> dict[str, float]:
-    """Relative miss of every published property by the mean specimen."""
-    found = {}
-    for speed in m.speeds:
-        row = m.elastic[speed]
-        factors = {
-            "stiffness": c.stiffness.get(speed, 1.0),
-            "extensibility": c.extensibility.get(speed, 1.0),
-        }
-        end = max(row["ultimate_strain_median"], row["ultimate_strain_mean"])
-        strain = np.linspace(0, end, 1500)
-        stress = virtual.stress(c, strain, strain[1] / m.rate_per_s(speed), **factors)
-        at = lambda e: float(np.interp(e, strain, stress))  # noqa: B023, E731
-        small = (strain >= SMALL[0]) & (strain <= SMALL[1])
-        span = row["ultimate_strain_mean"] - row["yield_strain"]
-        a, b = (row["yield_strain"] + f * span for f in LARGE)
-        large = (strain >= a) & (strain <= b)
-        pairs = {
-            "yield_stress": (at(row["yield_strain"]), row["yield_stress"]),
-            "E_small": (np.polyfit(strain[small], stress[small], 1)[0], row["E_small"]),
-            "E_large": (np.polyfit(strain[large], stress[large], 1)[0], row["E_large"]),
-            "ultimate_stress_mean": (
-                at(row["ultimate_strain_mean"]),
-                row["ultimate_stress_mean"],
-            ),
-            "ultimate_stress_median": (
-                at(row["ultimate_strain_median"]),
-                row["ultimate_stress_median"],
-            ),
-        }
-        found |= {f"{speed} {k}": v / w - 1 for k, (v, w) in pairs.items()}
-    for number, test in m.relaxation.items():
-        o, end = _relaxed(m, c, test)
-        found[f"test {number} stress_start"] = o / test["stress_start"] - 1
-        found[f"test {number} stress_end"] = end / test["stress_end"] - 1
-        published = test["relaxation"]
-        found[f"test {number} relaxation"] = 100 * (1 - end / o) / published - 1
-    return found
-
-
-def _relaxed(m: Material, c: virtual.Calibration, test: dict) -> tuple[float, float]:
-    _, _, stress = virtual.hold(m, c, test, c.relaxation_slack_mm)
-    return float(stress.max()), float(stress[-1])
-
-
-def write(name: str, c: virtual.Calibration) -> Path:
-    """Store a calibration as TOML."""
-    lines = [f"# {material(name).full_name}: parameters of softnn/virtual.py"]
-    tables = []
-    for key, value in asdict(c).items():
-        if isinstance(value, dict):
-            tables += ["", f"[{key}]"] + [f"{s} = {v:.5g}" for s, v in value.items()]
-        elif isinstance(value, tuple):
-            lines.append(f"{key} = [{', '.join(f'{v:.5g}' for v in value)}]")
-        else:
-            lines.append(f"{key} = {value:.5g}")
-    path = data_path() / "virtual" / f"{name}.toml"
-    path.parent.mkdir(exist_ok=True)
-    path.write_text("\n".join(lines + tables) + "\n", encoding="utf-8")
-    return path
-
-
-def main() -> None:
-    for name in MATERIALS:
-        c = calibrate(name)
-        write(name, c)
-        misses = _misses(material(name), c)
-        print(name, f"median {np.median(np.abs(list(misses.values()))):.3f}")
-        print({k: round(v, 2) for k, v in misses.items() if abs(v) > 0.1})
+def _draw_speed(axes: Any, m: Material, speed: int, colour: str, seed: int) -> None:
+    label: str | None = f"{speed} mm/min"
+    for r in virtual.tensile(m.name, seed):
+        if r.rate_per_s == m.rate_per_s(speed):
+            ready = prepare.specimen(r, samples=120)
+            axes.plot(ready.strain, ready.stress_MPa, color=colour, lw=0.5, label=label)
+            label = None
+    row = m.elastic[speed]
+    strain = [row[k] for k in ("yield_strain", "ultimate_strain_mean")]
+    stress = [row[k] for k in ("yield_stress", "ultimate_stress_mean")]
+    strain.append(row["ultimate_strain_median"])
+    stress.append(row["ultimate_stress_median"])
+    axes.plot(strain, stress, "o", color=colour, mec="k", mew=0.6, ms=4)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
