@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from softnn import prepare, virtual
+from softnn import prepare, properties, virtual
 from softnn.materials import MATERIALS, Material, material, table
 from softnn.recording import Recording, data_hash
 from studies import common
@@ -59,15 +59,24 @@ def run(names: tuple[str, ...], seed: int) -> dict[str, Any]:
     scatter = [_scatter(name, seed) for name in names]
     missed = np.array([abs(r["deviation"]) for r in rows])
     listed = [r for r in rows if abs(r["deviation"]) > LISTED]
+    # Ultimate strains are drawn to have the published median and mean.
+    judged = ["ultimate_strain" not in r["property"] for r in rows]
     headline = {
         "properties": len(rows),
         "median_deviation": float(np.median(missed)),
+        "median_deviation_without_ultimate_strain": float(np.median(missed[judged])),
         "within_10_percent": float(np.mean(missed <= 0.10)),
         "above_25_percent": len(listed),
         "above_25_percent_without_reason": sum(r["reason"] is None for r in listed),
         "largest_r2_difference": max(abs(s["r2"] - s["r2_published"]) for s in scatter),
     }
-    return {"headline": headline, "properties": rows, "scatter": scatter}
+    means = [row for name in names for row in _means_over_specimens(name, seed)]
+    return {
+        "headline": headline,
+        "properties": rows,
+        "scatter": scatter,
+        "ultimate_stress_as_mean_over_specimens": means,
+    }
 
 
 def compare(name: str, seed: int = 0) -> Iterator[dict[str, Any]]:
@@ -84,6 +93,22 @@ def compare(name: str, seed: int = 0) -> Iterator[dict[str, Any]]:
             "found": value,
             "deviation": value / published - 1,
             "reason": REASONS.get((name, where, key)),
+        }
+
+
+def _means_over_specimens(name: str, seed: int) -> Iterator[dict[str, Any]]:
+    """sigma_u read the other way: the mean of the specimens' ultimate stresses."""
+    m = material(name)
+    ready = [prepare.specimen(r) for r in virtual.tensile(name, seed)]
+    for speed, group in zip(m.speeds, prepare.by_group(ready), strict=True):
+        value = float(np.mean([properties.ultimate(r)[0] for r in group]))
+        published = m.elastic[speed]["ultimate_stress_mean"]
+        yield {
+            "material": name,
+            "where": f"{speed} mm/min",
+            "published": published,
+            "found": value,
+            "deviation": value / published - 1,
         }
 
 
@@ -116,14 +141,11 @@ def report(result: dict[str, Any]) -> str:
     keys = list(dict.fromkeys(r["property"] for r in rows))
     places = list(dict.fromkeys((r["material"], r["where"]) for r in rows))
     misses = {(r["material"], r["where"], r["property"]): r["deviation"] for r in rows}
-    lines = [
-        [" ".join(place)]
-        + [
-            f"{100 * v:+.0f}" if (v := misses.get((*place, k))) is not None else None
-            for k in keys
-        ]
-        for place in places
-    ]
+    lines: list[list[str | None]] = []
+    for place in places:
+        found = [misses.get((*place, key)) for key in keys]
+        lines.append([" ".join(place)])
+        lines[-1] += [None if v is None else f"{100 * v:+.0f}" for v in found]
     text = [common.markdown(["miss in %", *keys], lines)]
     for r in rows:
         if abs(r["deviation"]) > LISTED:
@@ -162,7 +184,7 @@ def _draw_speed(axes: Any, m: Material, speed: int, colour: str, seed: int) -> N
     label: str | None = f"{speed} mm/min"
     for r in virtual.tensile(m.name, seed):
         if r.rate_per_s == m.rate_per_s(speed):
-            ready = prepare.specimen(r, samples=120)
+            ready = prepare.specimen(r, samples=60)
             axes.plot(ready.strain, ready.stress_MPa, color=colour, lw=0.5, label=label)
             label = None
     row = m.elastic[speed]
