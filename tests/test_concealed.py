@@ -130,7 +130,7 @@ def test_programmes_start_and_end_at_rest(family, compress):
     assert strain[0] == 0
     assert abs(strain[-1]) < 1e-9
     assert 0.3 * pace.peak < strain.max() <= pace.peak * (1 + 1e-9)
-    assert strain.min() >= pace.peak * compress * (1 + 1e-9)
+    assert strain.min() >= pace.peak * compress - 1e-9
     # No corner is sharper than the machine's power allows.
     assert np.abs(np.diff(strain)).max() < 0.05 * pace.peak
     for clock in ("steady", "two-speed", "jittered", "gappy"):
@@ -190,9 +190,9 @@ def cycle_loss(p: Planted, c: Context) -> float:
 
 
 def drift_per_hour(p: Planted, c: Context) -> float:
-    long = Imposed("hold", np.zeros(25_001), np.arange(25_001))  # 100 s
-    drift = p.sensor(0, long, np.zeros(25_001))
-    return abs(drift[-1]) * 36 / c.peak
+    long = Imposed("hold", np.zeros(75_001), np.arange(75_001))  # 300 s
+    drift = p.sensor(0, long, np.zeros(75_001))
+    return abs(drift[-1]) * 12 / c.peak
 
 
 def taut(p: Planted, c: Context) -> float:
@@ -301,7 +301,7 @@ STRENGTH = {
     "tension_only": (compression_lost, 0.95, 1.0),
     "inertia": (inertial, 0.035, 0.121),
     "sensor_lag": (mean_delay, 0.118, 0.402),
-    "load_cell_drift": (drift_per_hour, 0.45, 1.7),
+    "load_cell_drift": (drift_per_hour, 0.42, 1.95),
     "zero_offset": (offset, 0.03, 0.08),
     "gain_error": (gain, 0.06, 0.15),
     "load_cell_saturation": (clipped, 0.68, 0.86),
@@ -390,12 +390,18 @@ def test_oracle_sees_only_what_the_base_cannot_move():
     p = Imposed("growing", strain, np.arange(0, len(strain), 10))
     refit = oracle.refit("pl-wiechert", [p], [np.zeros(0)], [2.0])
     time, sigma = [p.time_s[p.index]], np.full(len(p.index), 0.01)
-    inside = (maxwell(strain, 2.0) + np.clip(strain, 0, 0.4))[p.index]
-    seen = oracle.visible_energy(refit, inside, time, sigma, 0.0)
+    inside = (maxwell(strain, 2.0) + np.clip(strain, 0, strain.max() / 2))[p.index]
+    still = np.zeros_like(inside)
+    seen = oracle.visible_energy(refit, still, inside, time, sigma, 0.0)
     assert seen < 1e-6 * np.sum((inside / sigma) ** 2)
     outside = rng.standard_normal(len(p.index))
-    seen = oracle.visible_energy(None, outside, time, sigma, 0.0)
+    seen = oracle.visible_energy(None, still, outside, time, sigma, 0.0)
     assert seen == pytest.approx(np.sum((outside / sigma) ** 2))
+    # One branch cannot be two, though each alone is one that it could be.
+    one = oracle.refit("pl-sls", [p], [np.zeros(0)], [2.0, 20.0])
+    two = maxwell(strain, 2.0)[p.index], maxwell(strain, 20.0)[p.index]
+    assert oracle.visible_energy(one, *two, time, sigma, 0.0) > 100
+    assert oracle.visible_energy(one, two[0], 0.5 * two[0], time, sigma, 0.0) < 1e-3
     left = oracle.absorb(refit, inside, sigma)
     assert np.sqrt(np.mean(left**2)) < 1e-6
 
@@ -473,13 +479,20 @@ def test_a_case_shows_nothing_but_the_recordings(forged):
 def test_the_key_is_refused_when_it_has_been_touched(forged, tmp_path):
     folder, orders = forged
     again = tmp_path / "again"
-    seal = forge.forge(orders, again, jobs=2)
+    seal = forge.forge(orders, again)
     assert seal == json.loads((folder / "seal.json").read_text())["key_sha256"]
     (again / "sealed" / "key.json.gz").write_bytes(b"other")
     with pytest.raises(ValueError, match="the key has SHA-256"):
         forge.open_key(again)
     with pytest.raises(FileExistsError, match="is not empty"):
         forge.forge(orders, again)
+
+
+@pytest.mark.slow
+def test_the_number_of_processes_changes_nothing(forged, tmp_path):
+    folder, orders = forged
+    seal = forge.forge(orders, tmp_path / "two", jobs=2)
+    assert seal == json.loads((folder / "seal.json").read_text())["key_sha256"]
 
 
 def test_a_continued_history_is_one_history():
@@ -646,6 +659,7 @@ def test_scores_counted_by_hand():
     }
 
 
+@pytest.mark.slow
 def test_a_perfect_diagnosis_meets_every_bar(forged, tmp_path, monkeypatch):
     """The whole way from the key to the report, with diagnoses written by the key."""
     folder, _ = forged

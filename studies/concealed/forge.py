@@ -349,12 +349,23 @@ def forge_case(order: Order) -> Forged:
 
     base = None if order.simulated else oracle_refit(setting)
     times = [p.time_s[p.index] for p in programmes]
-    left = absorbed(base, clean, off, profile, setting, pieces)
+    # The scatter between specimens is never news: it is taken out beforehand.
+    scale = np.repeat(setting.gains, [b - a for a, b in pieces])
+    left = clean - off
+    if base is not None:
+        left = scale * oracle.absorb(base, clean / scale, profile / scale)
     effects = {}
     for one in planted:
         without = setting.sampled(setting.run([p for p in planted if p is not one]))
         moved = clean - without
-        energy = oracle.visible_energy(base, moved, times, profile, noise.correlation_s)
+        energy = oracle.visible_energy(
+            base,
+            off / scale,
+            moved / scale,
+            times,
+            profile / scale,
+            noise.correlation_s,
+        )
         effects[one.effect] = {
             "form": one.form,
             "parameters": one.parameters,
@@ -428,24 +439,6 @@ def oracle_refit(setting: Setting) -> oracle.Refit:
             past = np.concatenate([past, strain])
     times = [t for _, t in setting.base.branches]
     return oracle.refit(setting.model, setting.programmes, before, times)
-
-
-def absorbed(
-    base: oracle.Refit | None,
-    clean: Array,
-    off: Array,
-    profile: Array,
-    setting: Setting,
-    pieces: Sequence[tuple[int, int]],
-) -> Array:
-    """What a refit of the base leaves of the clean stress (n,), MPa."""
-    if base is None:
-        return clean - off
-    # The scatter between specimens is never news: it is taken out beforehand.
-    gain = np.concatenate(
-        [np.full(b - a, g) for g, (a, b) in zip(setting.gains, pieces, strict=True)]
-    )
-    return oracle.absorb(base, clean / gain, profile) * gain
 
 
 def runs(mask: np.ndarray) -> list[list[int]]:

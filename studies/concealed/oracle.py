@@ -105,26 +105,35 @@ def absorb(base: Refit, stress: Array, sigma: Array) -> Array:
 
 def visible_energy(
     base: Refit | None,
+    off: Array,
     difference: Array,
     time_s: Sequence[Array],
     sigma: Array,
     correlation_s: float,
 ) -> float:
-    """Squared size of `difference` (n,) outside the base's span, in noise units.
+    """Squared size of `difference` (n,) that a refit cannot move, in noise units.
 
     Noncentrality of the likelihood-ratio test that is told the true form. Coloured
-    noise is whitened recording by recording. Without a base all of it counts.
+    noise is whitened recording by recording. Without a base all of it counts. `off` is
+    the stress without the effect: a base of one branch has to follow that, too, with
+    the same relaxation time.
     """
     columns = base.columns if base else np.zeros((len(difference), 0))
-    rows = np.column_stack([columns, difference]) / sigma[:, np.newaxis]
+    rows = np.column_stack([columns, off, difference]) / sigma[:, np.newaxis]
     if correlation_s > 0:
         rows = whiten(rows, time_s, correlation_s)
     r: Array = np.asarray(np.linalg.qr(rows, mode="r"))
-    target, energy = r[:, -1], np.inf
-    for use in base.choices() if base else [[]]:
+
+    def left(target: Array, use: list[int]) -> float:
         fitted = r[:, use] @ np.linalg.lstsq(r[:, use], target, rcond=1e-9)[0]
-        energy = min(energy, float(np.sum((target - fitted) ** 2)))
-    return energy
+        return float(np.sum((target - fitted) ** 2))
+
+    if base is None or not base.single:
+        return left(r[:, -1], base.choices()[0] if base else [])
+    without = min(left(r[:, -2], use) for use in base.choices())
+    return max(
+        0.0, min(left(r[:, -2] + r[:, -1], use) for use in base.choices()) - without
+    )
 
 
 def whiten(rows: Array, time_s: Sequence[Array], correlation_s: float) -> Array:

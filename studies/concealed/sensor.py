@@ -81,8 +81,8 @@ def load_cell_drift(c: Context) -> Planted:
         if form == "accelerating":
             return stress + rate * t * (0.7 + t / 700)
         walk = np.random.default_rng(seeds[i]).standard_normal(len(t)).cumsum()
-        # After 300 s the walk has strayed by a fifth of the trend.
-        walk *= 0.2 * abs(rate) * np.sqrt(300 * STEP_S)
+        # After 300 s the walk has strayed by a tenth of the trend.
+        walk *= 0.1 * abs(rate) * np.sqrt(300 * STEP_S)
         return stress + rate * t + walk - walk[0]
 
     return Planted(
@@ -126,7 +126,7 @@ def load_cell_saturation(c: Context) -> Planted:
     """
     form = c.pick("knee", "settling")
     limit = c.peak * (1 - c.amount(0.15, 0.30))
-    sharpness = c.rng.uniform(30, 80)
+    sharpness = c.rng.uniform(30, 80) / c.strength
 
     def sensor(i: int, programme: Imposed, stress: Array) -> Array:
         x = np.abs(stress) / limit
