@@ -1,0 +1,243 @@
+"""Do springs fitted at one strain rate foretell the stress at the others?
+
+Table 5.2 and Figs 5.16 to 5.19 of the thesis: the generalisation error (eq. 5.13) of
+PL-SLS and PL-Wiechert with the strain-dependent stiffness k* taken from one rate, the
+published values beside. Beyond the thesis: k* from each of the rates in turn; every
+reading of the way to branches; springs and branches fitted to all rates together; each
+rate foretold from the others; and Std. Lin. SDS on the same footing.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from softnn.metrics import generalisation_error, nrmse
+from softnn.models.fit_piecewise import fit_jointly, fit_std_lin_sds
+from softnn.models.segments import Equal
+from studies.baselines import (
+    JOINT_BRANCHES,
+    MODELS,
+    Choice,
+    best,
+    choices,
+    described,
+    jointly,
+    rate_errors,
+)
+from studies.common import COLOURS, FAINT, markdown, percent
+from studies.piecewise import RULES, Case, Work, carry_out, panels, speed_label
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.rates`; returns the exit code."""
+    return carry_out("rates", __doc__, argv, study, draw)
+
+
+def study(work: Work, case: Case) -> dict[str, Any]:
+    """Generalisation error of both models, fitted at each rate in turn and jointly."""
+    began = time.perf_counter()
+    found = {
+        speed_label(case, c): choices(case.curves, case.variants, [c])
+        for c in case.curves
+    }
+    seconds = time.perf_counter() - began
+    thesis = speed_label(case, case.fitted)
+    models: dict[str, Any] = {}
+    headline: dict[str, Any] = {}
+    trials: list[dict[str, Any]] = []
+    rows: list[list[Any]] = []
+    shown: dict[str, Choice] = {}
+    for model in MODELS:
+        # As the thesis has it: one way to branches, the tolerance of least error.
+        literal = [c for c in found[thesis] if c.variant.rule == RULES[model]]
+        shown[model] = best(literal, model)
+        any_reading = best(found[thesis], model)
+        by_rate = {
+            rate: described(best(fits, model), case.curves)
+            for rate, fits in found.items()
+        }
+        joint = jointly(model, case.curves)
+        apart = foretold(model, case)
+        published = case.published("5.2", model)
+        models[model] = {
+            "fitted_at": thesis,
+            "as_in_thesis": described(shown[model], case.curves),
+            "any_reading": described(any_reading, case.curves),
+            "fitted_at_each_rate": by_rate,
+            "joint": joint,
+            "each_rate_from_the_others": apart,
+            "published": published and published["generalisation_error"] / 100,
+        }
+        key = model.lower().replace("-", "_")
+        headline |= {
+            f"{key}_ge": shown[model].generalisation_error,
+            f"{key}_ge_any_reading": any_reading.generalisation_error,
+            f"{key}_ge_best_rate": min(
+                e["generalisation_error"] for e in by_rate.values()
+            ),
+            f"{key}_nrmse_joint": joint and joint["nrmse_over_rates"],
+            f"{key}_nrmse_rate_left_out": apart and apart["nrmse"],
+        }
+        rows.append(_row(f"{model}, k* at {thesis}", models[model]["as_in_thesis"]))
+        rows.append(_row("  any reading of the branches", models[model]["any_reading"]))
+        for rate, entry in by_rate.items():
+            if rate != thesis:
+                rows.append(_row(f"  k* at {rate}", entry))
+        if joint:
+            rows.append(
+                [
+                    "  springs and branches jointly",
+                    percent(joint["nrmse_over_rates"]),
+                    None,
+                    joint["segments"],
+                    joint["branches"],
+                    "all rates fitted",
+                ]
+            )
+        if apart:
+            rows.append(
+                [
+                    "  the same, each rate left out in turn",
+                    percent(apart["nrmse"]),
+                    None,
+                    None,
+                    None,
+                    "rate not seen",
+                ]
+            )
+        if published:
+            rows.append(
+                [
+                    "  thesis, its own recordings",
+                    f"{published['generalisation_error']:.2f} %",
+                    f"{published['tolerance']} %",
+                    None,
+                    None,
+                    "Table 5.2",
+                ]
+            )
+        trials += [
+            {
+                "name": f"{model}, k* at {rate}, {entry['rule']}",
+                "parameters": {
+                    "model": model,
+                    "fitted_at": rate,
+                    "tolerance": entry["tolerance"],
+                    "rule": entry["rule"],
+                    "held_strain": entry["held_strain"],
+                },
+                "metrics": {
+                    "generalisation_error": entry["generalisation_error"],
+                    "segments": entry["segments"],
+                    "branches": entry["branches"],
+                    "nrmse": list(entry["nrmse_by_rate"].values()),
+                    "seconds": seconds,
+                },
+            }
+            for rate, entry in by_rate.items()
+        ]
+    sds = std_lin_sds(case)
+    rows.append(["Std. Lin. SDS, 20 equal segments", percent(sds), None, 20, 1, ""])
+    headline["std_lin_sds_ge"] = sds
+    header = ["model", "GE", "tolerance", "segments", "branches", "branches from"]
+    text = markdown(header, rows)
+    print(f"\n{case.label}\n\n{text}")
+    return {
+        "material": case.material,
+        "label": case.label,
+        "holds_from": case.holds_from,
+        "headline": headline,
+        "models": models,
+        "std_lin_sds": sds,
+        "seconds": seconds,
+        "trials": trials,
+        "text": text,
+        "drawn": shown,
+    }
+
+
+def _row(name: str, entry: dict[str, Any]) -> list[Any]:
+    return [
+        name,
+        percent(entry["generalisation_error"]),
+        percent(entry["tolerance"], 0),
+        entry["segments"],
+        entry["branches"],
+        f"{entry['rule']}, strain {entry['held_strain']:.2f}",
+    ]
+
+
+def foretold(model: str, case: Case) -> dict[str, Any] | None:
+    """Each rate from a joint fit to the others; None with fewer than three rates.
+
+    With two rates one is left, and one rate cannot tell a branch from a spring.
+    """
+    if len(case.curves) < 3:
+        return None
+    errors = {}
+    for left_out in case.curves:
+        others = [c for c in case.curves if c is not left_out]
+        fit = fit_jointly(others, JOINT_BRANCHES[model])
+        errors[speed_label(case, left_out)] = nrmse(
+            fit.predict(left_out), left_out.stress_MPa
+        )
+    return {"nrmse": generalisation_error(list(errors.values())), "by_rate": errors}
+
+
+def std_lin_sds(case: Case) -> float:
+    """Generalisation error of the predecessor, fitted as PL-SLS is in the thesis."""
+    segments = Equal(min(20, len(case.fitted) // 3))
+    relaxation = case.primary("PL-SLS").relaxation
+    fit = fit_std_lin_sds([case.fitted], relaxation, segments)
+    return generalisation_error(rate_errors(fit, case.curves))
+
+
+def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
+    """Curves of all rates, and what the models fitted at one of them foretell."""
+    figure, grid = panels(len(cases), height=2.7)
+    for axes, case, one in zip(grid, cases, found, strict=True):
+        for colour, curve in zip(COLOURS, case.curves, strict=False):
+            label = speed_label(case, curve)
+            fitted = curve is case.fitted
+            axes.plot(
+                curve.strain,
+                curve.stress_MPa,
+                color=colour,
+                linewidth=3,
+                alpha=0.3,
+                label=label + (" (k*)" if fitted else ""),
+            )
+            for style, model in zip(("-", ":"), MODELS, strict=True):
+                axes.plot(
+                    curve.strain,
+                    one["drawn"][model].fit.predict(curve),
+                    style,
+                    color=colour,
+                    linewidth=1,
+                )
+        low = min(float(c.stress_MPa.min()) for c in case.curves)
+        high = max(float(c.stress_MPa.max()) for c in case.curves)
+        # A prediction that leaves the page is cut off; its error is in the table.
+        axes.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
+        axes.set_title(case.material[:28])
+        axes.set_xlabel("strain")
+        axes.legend(fontsize=6)
+        axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    grid[0].set_ylabel("stress [MPa]")
+    figure.suptitle(
+        "faint: mean curve; line: PL-SLS; dots: PL-Wiechert, k* from one rate",
+        fontsize=9,
+        x=0.01,
+        ha="left",
+    )
+    return figure
+
+
+if __name__ == "__main__":
+    sys.exit(main())

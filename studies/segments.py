@@ -1,0 +1,183 @@
+"""How many segments does a tolerance on the slope give, and how good a fit?
+
+Figs 5.8 to 5.11 of the thesis: segments and NRMSE (eq. 5.10) of PL-SLS and PL-Wiechert
+on the mean curve they are fitted to, for tolerances of 10 to 100 %. Beside them, which
+the thesis does not have: as many segments put where they fit best, and equal ones.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from softnn.metrics import nrmse
+from softnn.models.fit_piecewise import branch_stress, fit_elastic, skeleton, sweep
+from softnn.models.segments import Equal, Knots, Optimal, Tolerance
+from studies.baselines import MODELS
+from studies.common import COLOURS, FAINT, markdown, percent
+from studies.piecewise import Case, Work, carry_out, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COUNTS = (1, 2, 3, 5, 8, 12, 20, 30, 50)
+ENOUGH = 0.01  # NRMSE of a fit that is good enough to stop adding segments
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.segments`; returns the exit code."""
+    return carry_out("segments", __doc__, argv, study, draw)
+
+
+def study(work: Work, case: Case) -> dict[str, Any]:
+    """Segments and NRMSE by tolerance, and by count, for both models."""
+    curve = case.fitted
+    models: dict[str, Any] = {}
+    trials: list[dict[str, Any]] = []
+    headline: dict[str, Any] = {}
+    for model in MODELS:
+        relaxation = case.primary(model).relaxation
+        began, started = time.perf_counter(), datetime.now()
+        (fits,) = sweep([curve], [relaxation], [Tolerance(t) for t in work.tolerances])
+        seconds = (time.perf_counter() - began) / len(fits)
+        by_tolerance = [
+            {
+                "tolerance": tolerance,
+                "segments": fit.segments,
+                "nrmse": nrmse(fit.predict(curve), curve.stress_MPa),
+            }
+            for tolerance, fit in zip(work.tolerances, fits, strict=True)
+        ]
+        left = curve.stress_MPa - branch_stress(relaxation, curve)
+        elastic = skeleton(curve.strain, left)
+        most = len(elastic.strain) // 3
+        by_count = []
+        for count in [c for c in COUNTS if c <= most]:
+            entry: dict[str, Any] = {"segments": count}
+            criteria: dict[str, Knots] = {
+                "optimal": Optimal(count),
+                "equal": Equal(count),
+            }
+            for kind, criterion in criteria.items():
+                fit = fit_elastic(elastic, relaxation, criterion, regression="joint")
+                entry[kind] = nrmse(fit.predict(curve), curve.stress_MPa)
+            by_count.append(entry)
+        models[model] = {
+            "branches": relaxation.branches,
+            "relaxation": relaxation.to_dict(),
+            "by_tolerance": by_tolerance,
+            "by_count": by_count,
+        }
+        trials += [
+            {
+                "name": f"{model}, tolerance {100 * row['tolerance']:.0f} %",
+                "parameters": {"model": model, "tolerance": row["tolerance"]},
+                "metrics": {
+                    "segments": row["segments"],
+                    "nrmse": row["nrmse"],
+                    "seconds": seconds,
+                },
+                "started": started,
+                "ended": datetime.now(),
+            }
+            for row in by_tolerance
+        ]
+        key = model.lower().replace("-", "_")
+        good = [r["segments"] for r in by_tolerance if r["nrmse"] <= ENOUGH]
+        headline |= {
+            f"{key}_segments_at_10_percent": by_tolerance[0]["segments"],
+            f"{key}_segments_at_100_percent": by_tolerance[-1]["segments"],
+            f"{key}_nrmse_best": min(r["nrmse"] for r in by_tolerance),
+            f"{key}_segments_for_1_percent": min(good) if good else None,
+            f"{key}_optimal_segments_for_1_percent": next(
+                (r["segments"] for r in by_count if r["optimal"] <= ENOUGH), None
+            ),
+        }
+    text = written(models)
+    print(f"\n{case.label}\n\n{text}")
+    return {
+        "material": case.material,
+        "label": case.label,
+        "headline": headline,
+        "models": models,
+        "samples": len(curve),
+        "trials": trials,
+        "text": text,
+    }
+
+
+def written(models: dict[str, Any]) -> str:
+    """Tolerance against segments and NRMSE, and the counts beside it."""
+    header = ["tolerance"]
+    header += [f"{m}, {what}" for m in MODELS for what in ("segments", "NRMSE")]
+    columns = [models[m]["by_tolerance"] for m in MODELS]
+    rows = []
+    for group in zip(*columns, strict=True):
+        row = [percent(group[0]["tolerance"], 0)]
+        for entry in group:
+            row += [entry["segments"], percent(entry["nrmse"])]
+        rows.append(row)
+    first = markdown(header, rows)
+    header = ["segments"]
+    header += [f"{m}, {kind}" for m in MODELS for kind in ("optimal", "equal")]
+    rows = []
+    for group in zip(*(models[m]["by_count"] for m in MODELS), strict=False):
+        row = [group[0]["segments"]]
+        for entry in group:
+            row += [percent(entry["optimal"]), percent(entry["equal"])]
+        rows.append(row)
+    return f"{first}\n\n{markdown(header, rows)}"
+
+
+def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
+    """NRMSE against segments: the criterion at every tolerance, the optimum beside."""
+    figure, grid = panels(len(cases))
+    for axes, case, one in zip(grid, cases, found, strict=True):
+        for colour, model in zip(COLOURS, MODELS, strict=False):
+            rows = one["models"][model]["by_tolerance"]
+            axes.loglog(
+                [r["segments"] for r in rows],
+                [100 * r["nrmse"] for r in rows],
+                "o" if model == "PL-SLS" else "s",
+                color=colour,
+                markersize=4,
+                label=f"{model}, tolerance 10-100 %",
+            )
+            counts = one["models"][model]["by_count"]
+            axes.loglog(
+                [r["segments"] for r in counts],
+                [100 * r["optimal"] for r in counts],
+                "-",
+                color=colour,
+                linewidth=1,
+                label=f"{model}, optimal cuts",
+            )
+            row = case.published("5.1", model)
+            if row:
+                axes.plot(
+                    row["segments"],
+                    row["nrmse"],
+                    "*",
+                    color=colour,
+                    markersize=9,
+                    markeredgecolor="#222222",
+                    label=f"{model}, Table 5.1",
+                )
+        axes.set_title(case.material[:28])
+        axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+        axes.set_xlabel("strain segments")
+        low = min(
+            100 * r["nrmse"] for m in MODELS for r in one["models"][m]["by_tolerance"]
+        )
+        axes.set_ylim(bottom=max(low / 2, 5e-3))
+    grid[0].set_ylabel("NRMSE [%]")
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
+    return figure
+
+
+if __name__ == "__main__":
+    sys.exit(main())
