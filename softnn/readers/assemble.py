@@ -25,6 +25,7 @@ from softnn.readers.vocabulary import (
     DIMENSION,
     GEOMETRY,
     HEIGHT,
+    LENGTHS,
     MATERIAL,
     NOT_GEOMETRY,
     ROLES,
@@ -136,6 +137,8 @@ class _Assembly:
         self.notes = [*rules.notes, *table.notes]
         self.header = header_geometry(table.header)
         known_geometry = {**self.header.values, **rules.geometry}
+        if options.length_mm is None:
+            self.notes += self.header.notes
         given = {
             f.name: getattr(options, f.name)
             for f in fields(Geometry)
@@ -209,10 +212,8 @@ class _Assembly:
         text = self.unit_of(column, role)
         said = f"has the unit {text!r}, unknown here" if text else "has no unit"
         raise InputError(
-            f"{said}; give it with --unit '{column.name}=...', one of: "
-            f"{known(DIMENSION[role])}",
-            file=self.table.where,
-            column=column.name,
+            f"column {column.name!r} {said}; give it with "
+            f"--unit '{column.name}=...', one of: {known(DIMENSION[role])}"
         )
 
     def unit_of(self, column: Column, role: str) -> str:
@@ -241,7 +242,7 @@ class _Assembly:
         if bad:
             self.notes.append(f"{bad} cells of {column.name!r} are no numbers: missing")
         infinite = ~np.isfinite(values) & ~np.isnan(values)
-        huge = infinite | (np.abs(values * unit.factor) > 1e15)
+        huge = infinite | (np.abs(values) > 1e15)
         if huge.any():
             k = int(huge.argmax())
             raise InputError(
@@ -333,9 +334,10 @@ class _Assembly:
         """A channel nothing depends on: without a clear unit it is left out."""
         try:
             return self.read(role)
-        except InputError:
+        except InputError as error:
             if getattr(self.options, role):
                 raise
+            self.notes.append(f"{role} left out: {error}")
             return None
 
     def stress(self, force: Array | None) -> Array:
@@ -345,6 +347,8 @@ class _Assembly:
             assert area is not None
             return force / area
         stress = self.read("stress")
+        if options.has_area and not options.stress:
+            self.notes.append("no force to use the given section on")
         if stress is not None:
             if TRUE.search(plain(self.used["stress"])):
                 self.used["true stress"] = self.used.pop("stress")
@@ -382,6 +386,7 @@ class _Assembly:
             elongation = self.read("displacement")
             if elongation is not None:
                 return elongation / options.length_mm, elongation
+            self.notes.append("no displacement to use --length on")
         strain = self.read("strain")
         if strain is not None:
             if TRUE.search(plain(self.used["strain"])):
@@ -420,7 +425,7 @@ class _Assembly:
         options = self.options
         if options.interval_s is not None:
             self.used["time"] = f"every {options.interval_s:g} s (--interval)"
-            return np.arange(len(strain)) * options.interval_s
+            return np.arange(float(len(strain))) * options.interval_s
         time = self.read("time")
         if time is not None:
             return time
@@ -521,6 +526,7 @@ class Header:
     speeds: tuple[float, ...]
     specimen: str
     material: str
+    notes: tuple[str, ...] = ()
 
     def refuse_unknown(self, words: tuple[str, ...]) -> None:
         """Raise for a geometry line whose unit is not known, when it is needed."""
@@ -538,6 +544,7 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
     values: dict[str, float] = {}
     unclear: dict[str, Entry] = {}
     speeds: list[float] = []
+    lengths: list[tuple[int, float, str]] = []
     specimen = material = ""
     for entry in header:
         key = plain(entry.key)
@@ -553,8 +560,13 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
             speeds.append(number * unit.factor)
         if NOT_GEOMETRY.search(key):
             continue
+        places = [i for i, p in enumerate(LENGTHS) if p.search(key)]
+        if places and unit is not None and unit.dimension == "length":
+            lengths.append((places[0], number * unit.factor, entry.key))
+        elif places and unit is None:
+            unclear.setdefault("length_mm", entry)
         for name, pattern in GEOMETRY.items():
-            if not pattern.search(key) or name in values:
+            if places or not pattern.search(key) or name in values:
                 continue
             dimension = "area" if name == "area_mm2" else "length"
             if unit is None or unit.dimension != dimension:
@@ -565,7 +577,14 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
             if np.isfinite(value) and value > 0:  # machines write 0 for "not entered"
                 values[name] = value
             break
-    return Header(values, unclear, tuple(speeds), specimen, material)
+    lengths = [found for found in lengths if np.isfinite(found[1]) and found[1] > 0]
+    notes: tuple[str, ...] = ()
+    if lengths:
+        # the first of the surest kind
+        _, values["length_mm"], key = min(lengths, key=lambda found: found[0])
+        if len({length for _, length, _ in lengths}) > 1:
+            notes = (f"of {len(lengths)} lengths in the header, {key!r} is used",)
+    return Header(values, unclear, tuple(speeds), specimen, material, notes)
 
 
 def _value(text: str) -> float | None:
@@ -625,15 +644,13 @@ def _is_test(table: Table, options: ReadOptions) -> bool:
     )
 
 
-def read_source(
-    source: Source, rules: Rules, options: ReadOptions, ragged: bool = False
-) -> list[Recording]:
+def read_source(source: Source, rules: Rules, options: ReadOptions) -> list[Recording]:
     """The recordings of all tables of a file, each table a test: what most need."""
     tables = [
         table
         for sheet in source.sheets
         for table in tables_module.find_tables(
-            sheet.grid, source.path, sheet.name if not source.is_text else "", ragged
+            sheet.grid, source.path, sheet.name if not source.is_text else ""
         )
     ]
     return recordings(tables, rules, options, source.path)

@@ -47,4 +47,4 @@ def _is_header(rows: Grid) -> bool:
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
-    return read_source(source, Rules(NAME), options, ragged=True)
+    return read_source(source, Rules(NAME), options)

@@ -25,6 +25,7 @@ MAX_BYTES = 100_000_000  # 2 million rows of text; one test is rarely a tenth of
 MAX_WORKBOOK_BYTES = 40_000_000  # unpacked XML, 400,000 rows of 4 columns
 MAX_COLUMNS = 1000
 MAX_CELLS = 4_000_000  # of one worksheet, gaps counted
+MAX_ROWS = 1_048_576  # what Excel allows
 
 Cell = str | float
 Grid = list[list[Cell]]
@@ -147,16 +148,21 @@ def decode(raw: bytes, path: Path) -> str:
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return raw.decode("utf-16", "replace")
     start = raw[:4000]
-    if start.count(b"\x00") > len(start) // 4:
-        little = start[1::2].count(b"\x00") > start[::2].count(b"\x00")
+    if start[:64].count(b"\x00") > 16 and len(raw) % 2 == 0:
+        little = start[1:64:2].count(b"\x00") > start[:64:2].count(b"\x00")
         text = raw.decode("utf-16-le" if little else "utf-16-be", "replace")
-        if sum(c.isprintable() or c in "\r\n\t" for c in text[:1000]) > 0.9 * min(
-            len(text), 1000
-        ):
+        if "\x00" not in text and sum(c > "\u2fff" for c in text[:64]) < 16:
             return text
     if len(_BINARY.findall(start)) > len(start) // 100 + 4:
         raise InputError(
             "is not text and no Excel workbook; export it as CSV or text", file=path
+        )
+    if b"\x00" in raw:
+        raise InputError(
+            "has NUL bytes between its text: damaged, or of two encodings; export it "
+            "again",
+            file=path,
+            row=raw[: raw.index(b"\x00")].count(b"\n") + 1,
         )
     if start.lstrip()[:5].lower() in (b"<html", b"<?xml", b"<!doc") or start[:4] in (
         b"%PDF",
@@ -171,12 +177,14 @@ def decode(raw: bytes, path: Path) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         pass
-    # Chinese when the header says words of a tensile test in it; the two-byte
+    # Chinese or Japanese when the header then has words of a tensile test; the two-byte
     # codes would otherwise also swallow accented letters of Windows-1252.
-    chinese = raw[:8000].decode("gb18030", "replace")
-    words = re.findall("[\u4e00-\u9fff]+", chinese)
-    if any(p.search(w) for w in words for ps in ROLES.values() for p in ps):
-        return raw.decode("gb18030", "replace")
+    for encoding in ("gb18030", "cp932"):
+        words = re.findall(
+            "[\u3040-\u30ff\u4e00-\u9fff]+", raw[:8000].decode(encoding, "replace")
+        )
+        if any(p.search(w) for w in words for ps in ROLES.values() for p in ps):
+            return raw.decode(encoding, "replace")
     # UTF-8 with a few damaged bytes stays UTF-8.
     utf8 = raw.decode("utf-8-sig", "replace")
     multibyte = len(re.findall("[\u0080-\ufffc]", utf8))
@@ -230,9 +238,15 @@ def split_lines(
 ) -> Grid:
     """Rows of cells; row i of the result is line i + 1 of the file."""
     if delimiter in (" ", "  "):
-        return [list(_split(line, delimiter)) for line in lines]
+        blank: Grid = [[] for _ in lines]
+        for i, line in enumerate(lines):
+            if line.strip():
+                blank[i] = list(_split(line.lstrip("# "), delimiter))
+        return blank
     grid: Grid = []
     for number, line in enumerate(lines, start=1):
+        if line.startswith("#"):  # a comment sign before the column names
+            line = line.lstrip("# ")
         if '"' not in line:
             cells = line.split(delimiter) if line else []
         else:
@@ -322,13 +336,13 @@ def _xlsx_sheets(raw: bytes, path: Path) -> list[Sheet]:
         for sheet in book.worksheets:
             sheet.reset_dimensions()  # what a file claims; cells may lie anywhere
             rows: Grid = []
-            budget = MAX_CELLS
+            budget, count = MAX_CELLS, 0
             for row in sheet.iter_rows(values_only=True):
-                budget -= len(row) + 1
-                if budget < 0:
+                budget, count = budget - len(row), count + 1
+                if budget < 0 or count > MAX_ROWS:
                     raise InputError(
-                        f"sheet {sheet.title!r} has over {MAX_CELLS:,} cells; "
-                        "save it as CSV",
+                        f"sheet {sheet.title!r} has over {MAX_CELLS:,} cells or "
+                        f"{MAX_ROWS:,} rows; save it as CSV",
                         file=path,
                     )
                 cells = [_cell(value) for value in row]

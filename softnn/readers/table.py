@@ -162,40 +162,59 @@ def entries(rows: Sequence[Sequence[Cell]]) -> tuple[Entry, ...]:
     return tuple(found)
 
 
-def find_tables(
-    grid: Grid, file: Path, sheet: str = "", ragged: bool = False
-) -> list[Table]:
+def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
     """Every block of numbers in the grid, each with the lines above it as header.
 
-    `ragged`: a short row is one whose last columns have no value; otherwise it is an
-    error, since the missing one could be any.
+    In a text file (`sheet` is ""), a row with too few cells is an error, since the
+    missing one could be any; but specimens side by side may end one by one.
     """
+    ragged = bool(sheet)  # worksheets end rows at the last filled cell
     tables: list[Table] = []
-    start = 0
+    head: list[int] = []  # filled rows since the last table
+    bare = 0  # rows of numbers in a run, without names above them
     i = 0
     while i < len(grid):
-        if not _is_data(grid[i]):
+        row = grid[i]
+        names_at, units_at = (None, None)
+        if _is_data(row):
+            names_at, units_at = _names_above(grid, head)
+        if names_at is None:
+            bare = bare + 1 if _is_data(row) and len(_filled(row)) > 1 else 0
+            if bare == 5:
+                raise InputError(
+                    "numbers without column names above them; add a header such as "
+                    "time_s,strain,stress_MPa, or mend the row before them",
+                    file=file,
+                    row=i - 3,
+                )
+            if _filled(row):
+                head.append(i)
             i += 1
             continue
-        head = [k for k in range(start, i) if _filled(grid[k])]
-        names_at, units_at = _names_above(grid, head)
-        if names_at is None:
-            i += 1  # numbers in a header, or a table without names: see below
-            continue
+        bare = 0
         names = _strip_end(grid[names_at])
         units = grid[units_at] if units_at is not None else None
-        if units is not None and len(_strip_end(units)) > len(names):
+        raw = len(grid[names_at])  # with the empty cells of trailing delimiters
+        if units is not None and (
+            len(_strip_end(units)) > len(names) or (not sheet and len(units) != raw)
+        ):
             raise InputError(
-                f"{len(_strip_end(units))} units under {len(names)} column names; "
-                "repair the header",
+                f"{len(units)} units under {raw} column names; repair the header",
                 file=file,
                 row=names_at + 1,
             )
-        end, rows, lines, notes = _block(grid, i, len(names), file, ragged)
+        end, rows, lines, notes = _block(grid, i, names, file, ragged)
+        if not ragged and all(len(r) < raw and r[-1] == "" for r in rows):
+            raise InputError(
+                f"a column is missing in the rows: {raw} cells in the header, "
+                f"{len(rows[0])} in the rows, the last one empty",
+                file=file,
+                row=i + 1,
+            )
         above = [k for k in head if k < names_at]
         label = ""
         if above and above[-1] == names_at - 1 and len(_filled(grid[above[-1]])) == 1:
-            label = str(_filled(grid[above[-1]])[0])
+            label = str(_filled(grid[above[-1]])[0]).strip("# ")
         table = Table(
             file,
             _columns(names, units),
@@ -208,7 +227,8 @@ def find_tables(
         )
         title = grid[above[-1]] if above and above[-1] == names_at - 1 else []
         tables += _side_by_side(table, title)
-        start = i = end
+        head = []
+        i = end
     return tables
 
 
@@ -229,7 +249,7 @@ def _is_names(row: Sequence[Cell]) -> bool:
 
 
 def _block(
-    grid: Grid, start: int, width: int, file: Path, ragged: bool
+    grid: Grid, start: int, names: list[Cell], file: Path, ragged: bool
 ) -> tuple[int, list[list[Cell]], list[int], tuple[str, ...]]:
     """The rows from `start` on, up to a blank stretch, a footer or the next header."""
     rows: list[list[Cell]] = []
@@ -266,9 +286,19 @@ def _block(
         rows.append(row)
         lines.append(i + 1)
         i += 1
+    usual, width = len(rows[0]), len(names)
+    clocks = _clocks([plain(str(name)) for name in names])
     for k, row in enumerate(rows):
-        if len(row) == width:
+        if len(row) == usual == width:
             continue
+        if not ragged and len(row) < usual and row and row[-1] == "":
+            # One cell less, made up for by the delimiter every row ends with.
+            raise InputError(
+                f"{len(row)} cells, the last empty, where other rows have {usual}; "
+                "repair the row",
+                file=file,
+                row=lines[k],
+            )
         count = len(_strip_end(row))
         if count > width:
             raise InputError(
@@ -276,7 +306,7 @@ def _block(
                 file=file,
                 row=lines[k],
             )
-        if len(row) < width and not ragged:
+        if len(row) < width and not (ragged or len(row) in clocks[1:]):
             if k and k == len(rows) - 1:
                 rows, lines = rows[:-1], lines[:-1]
                 notes = (f"row {i}, the last, is cut off and left out",)
@@ -286,14 +316,28 @@ def _block(
                 file=file,
                 row=lines[k],
             )
+    if i == len(grid) and len(rows) > 2 and _cut_off(rows):
+        rows, lines = rows[:-1], lines[:-1]
+        notes = (*notes, f"row {i}, the last, may be cut off and is left out")
     return i, rows, lines, notes
+
+
+def _cut_off(rows: list[list[Cell]]) -> bool:
+    """A last line without a line end whose last value has lost digits."""
+    last, *others = (len(str(r[-1])) if r else 0 for r in (rows[-1], *rows[-3:-1]))
+    return isinstance(rows[-1][-1], str) and all(last < other for other in others)
+
+
+def _clocks(names: list[str]) -> list[int]:
+    """The columns with the name of the first column of time, that one included."""
+    clock = next((n for n in names if rank("time", n) == 0), None)
+    return [i for i, n in enumerate(names) if n == clock] if clock else []
 
 
 def _side_by_side(table: Table, title: Sequence[Cell]) -> list[Table]:
     """Several specimens in one block: cut where the column of time comes again."""
     names = [c.plain for c in table.columns]
-    clock = next((n for n in names if rank("time", n) == 0), None)
-    starts = [i for i, n in enumerate(names) if n == clock] if clock else []
+    starts = _clocks(names)
     if len(starts) < 2:
         return [table]
     # The group begins as far left of its time as the first one does.

@@ -132,7 +132,8 @@ _EXACT = {
         ("degF", "F", "fahrenheit"), Unit("temperature", 5 / 9, -32 * 5 / 9)
     ),
 }
-_FOLDED = {t.casefold(): u for t, u in _EXACT.items() if t != "mN"}
+# Case matters for mN (MN is mega) and nm (Nm is a torque).
+_FOLDED = {t.casefold(): u for t, u in _EXACT.items() if t not in ("mN", "nm")}
 
 
 def unit_text(text: str) -> str:

@@ -33,7 +33,7 @@ _ROLES = {
     ),
     "force": (
         r"\b(standard ?)?(force|kraft|standardkraft|pru?e?fkraft|zugkraft)\b|"
-        r"\b(load|charge|effort|fuerza|carga|forza|carico)\b|^f( stat)?$|"
+        r"\b(load|last|charge|effort|fuerza|carga|forza|carico)\b|^f( stat)?$|"
         "(?<![\u5e94\u61c9\u5fdc\u538b])\u529b|\u8f7d\u8377|\u8377\u91cd|\u8d1f\u8377",
     ),
     "stress": (
@@ -46,14 +46,15 @@ _ROLES = {
         r"\b(strain|dehnung|stauchung|deform\w*|epsilon)\b|"
         "[\u5e94\u61c9]\u53d8|\u3072\u305a\u307f|\u6b6a\u307f",
         r"\b(elongation|allongement|extension|alargamiento|allungamento|ave)\b|"
-        r"\bverlangerung\b|\u4f38\u957f",
+        r"\b(\w*verlangerung|estensione)\b|\u4f38\u957f|\u5ef6\u4f38",
     ),
     "displacement": (
         r"\b(standardweg|standard travel|course standard|recorrido estandar)\b",
         r"\b(displacement|extension|elongation|stroke|disp|ext|travel|weg)\b|"
-        r"\b(deplacement|course|allongement|verlangerung|\w+weg)\b(?!.*absolut)|"
+        r"\b(deplacement|course|allongement|\w*verlangerung|\w+weg)\b(?!.*absolut)|"
         r"\b(desplazamiento|carrera|alargamiento|spostamento|corsa|allungamento)\b|"
-        "\u4f4d\u79fb|\u884c\u7a0b|\u4f38\u957f|\u5909\u4f4d|\u30b9\u30c8\u30ed\u30fc\u30af",
+        r"\b(langenanderung|estensione|delta l|dl)\b|"
+        "\u4f4d\u79fb|\u884c\u7a0b|\u4f38\u957f|\u5ef6\u4f38|\u5909\u4f4d|\u30b9\u30c8\u30ed\u30fc\u30af",
         r"\bcrosshead\b(?!.*absolut)|\btravers\w*\b(?!.*absolut)",
         r"\b(position|pos|gap|size|hub|height)\b|\babsol\w*\b",
         r"\b(capteur|dehnung|stauchung|deform\w*|extensometer|lvdt|strain)\b|\u53d8\u5f62",
@@ -97,16 +98,30 @@ GEOMETRY = MappingProxyType(
             r"\blarghezza\b|^b0$|\u5bbd\u5ea6",
             "diameter_mm": r"\bdiameter\b|durchmesser\b|\bdiametre\b|\bdiametro\b|"
             r"^d0$|\u76f4\u5f84",
-            "length_mm": r"\b(gau?ge|initial|specimen|sample|clamp|free|original) "
-            r"length\b|^length\b|^height\b|\bmesslange\b|^l ?[0co]\b|\bgrip (to grip )?"
-            r"(separation|distance)\b|\beinspannlange\b|\bausgangslange\b|\bhohe\b|"
-            r"\bversuchslange\b|\blongueur\b|\bhauteur\b|\blongitud\b|\balturas?\b|"
-            r"\blunghezza\b|\baltezza\b|\u6807\u8ddd|\u957f\u5ea6|\u9ad8\u5ea6",
         }.items()
     }
 )
+# Lines that may give the length strain refers to, the surest first: a header may hold
+# the whole specimen's length beside its gauge length.
+LENGTHS = tuple(
+    map(
+        re.compile,
+        (
+            r"\bgau?ge length\b|\bmesslange\b|^l ?[0co]\b|\bausgangslange\b|"
+            r"\b(initial|original) length\b|\blongueur (de base|initiale|utile)\b|"
+            r"\blongitud (calibrada|inicial)\b|\blunghezza (utile|iniziale)\b|"
+            "\u6807\u8ddd|\u521d\u59cb\u957f\u5ea6",
+            r"\b(grips?|jaws?|clamps?)( to \w+)? (separation|distance|spacing)\b|"
+            r"\beinspannlange\b|\bversuchslange\b|\bfree length\b|"
+            r"\bdistance (between|entre)\b|\bdistan(cia|za) (entre|tra)\b|\u5939\u5177",
+            r"\b(specimen|sample|clamp|test) length\b|^length\b|\bheight\b|\bhohe\b|"
+            r"\bprobenlange\b|\blongueur\b|\bhauteur\b|\blongitud\b|\baltura\b|"
+            r"\blunghezza\b|\baltezza\b|\u957f\u5ea6|\u9ad8\u5ea6",
+        ),
+    )
+)
 NOT_GEOMETRY = re.compile(
-    r"\b(final|end|break|bruch|change|after|unit|path|wave|cable|compensation|at|"
+    r"\b(final|end|break|bruch|change|after|unit|path|wave|cable|compensation|"
     r"reduction|max|min|constant|load cell|calibration|plate)\b"
 )
 SPEED = re.compile(

@@ -31,8 +31,10 @@ def recognises(source: Source) -> bool:
     return (
         _LOG.match(head) is not None
         or _SPECIMEN.match(head) is not None
-        or sum(n in source.names for n in names) >= 2
-        and re.search(r'"[^"]*(Cycle|Cycles)[^"]*"', head) is not None
+        or (
+            sum(n in source.names for n in names) >= 2
+            and re.search(r'"[^"]*Cycles?[^"]*"', head) is not None
+        )
     )
 
 

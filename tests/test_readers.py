@@ -1,0 +1,585 @@
+"""Readers against one invented test written in every dialect, and against tidy files.
+
+Each file in tests/reference holds the same test: 12 samples at 2 a second, elongation
+0.2 i mm on 20 mm, force i + i^2 / 4 N on 5 mm x 2 mm; so one set of numbers is
+expected of all of them, whatever their units, marks and languages.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import os
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from softnn import readers
+from softnn.cli import main
+from softnn.contracts import InputError
+from softnn.readers import READERS, ReadOptions, read
+from softnn.readers.source import Sheet, Source
+from softnn.readers.tidy import read_tidy
+from softnn.readers.units import convert, parse_unit
+from softnn.recording import Recording
+
+REFERENCE = Path(__file__).parent / "reference"
+I = np.arange(12.0)  # noqa: E741
+TIME, STRAIN, STRESS = 0.5 * I, 0.01 * I, (I + I**2 / 4) / 10
+LENGTH, AREA = {"length_mm": 20.0}, {"area_mm2": 10.0}
+BOTH = {**LENGTH, **AREA}
+
+# file, what it does not say itself, dialect, sign of the stress
+CASES = [
+    ("bluehill_rawdata.csv", {}, "Instron Bluehill", 1),
+    ("bluehill_results_first.csv", BOTH, "Instron Bluehill", 1),
+    ("bluehill_us_units.csv", BOTH, "Instron Bluehill", 1),
+    ("bluehill_german.csv", BOTH, "Instron Bluehill", 1),
+    ("bluehill_chinese.csv", {}, "Instron Bluehill", 1),
+    ("bluehill_compression.csv", BOTH, "Instron Bluehill", -1),
+    ("wavematrix.steps.tracking.csv", LENGTH, "Instron WaveMatrix", 1),
+    ("mts_timed.txt", AREA, "MTS TestSuite", 1),
+    ("mts_793.txt", BOTH, "MTS TestSuite", 1),
+    ("zwick_french.TRA", {}, "Zwick testXpert", 1),
+    ("zwick_german.TXT", {}, "Zwick testXpert", 1),
+    ("zwick_english.TRA", {}, "Zwick testXpert", 1),
+    ("shimadzu_single.csv", BOTH, "Shimadzu Trapezium", 1),
+    ("shimadzu_japanese.csv", BOTH, "Shimadzu Trapezium", 1),
+    ("walter_bai_french.csv", BOTH, "Walter+Bai Dion", 1),
+    ("walter_bai_german.csv", BOTH, "Walter+Bai Dion", 1),
+    ("trios_raw.txt", AREA, "TA TRIOS", 1),
+    ("dma850_steps.txt", {}, "TA DMA850", 1),
+    ("cellscale_stretch.csv", AREA, "CellScale UniVert", 1),
+    ("lab_template.csv", {}, "lab template (key;value)", 1),
+    ("true_values_only.csv", {}, "delimited table", 1),
+    ("generic_comma.csv", {}, "delimited table", 1),
+    ("generic_suffix.csv", BOTH, "delimited table", 1),
+    ("generic_spaces.dat", BOTH, "delimited table", 1),
+    ("generic_spanish.csv", {}, "delimited table", 1),
+    ("generic_italian.csv", BOTH, "delimited table", 1),
+    ("generic_french.csv", {}, "delimited table", 1),
+    ("generic_german.csv", {}, "delimited table", 1),
+    ("generic_utf16.txt", {}, "delimited table", 1),
+    ("generic_thousands.csv", {}, "delimited table", 1),
+    ("generic_psi.csv", {}, "delimited table", 1),
+]
+
+
+def assert_same(found: Recording, sign: int = 1, rows: slice = slice(None)) -> None:
+    """The invented test to the six decimals its files are written with."""
+    for name, values in (
+        ("time_s", TIME),
+        ("strain", sign * STRAIN),
+        ("stress_MPa", sign * STRESS),
+    ):
+        np.testing.assert_allclose(
+            getattr(found, name), values[rows], rtol=1e-5, atol=2e-6, err_msg=name
+        )
+
+
+def reason(name: str, **given: object) -> str:
+    with pytest.raises(InputError) as caught:
+        read(REFERENCE / name, **given)
+    assert "\n" not in str(caught.value)
+    assert name in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "dialect", "sign"), CASES, ids=[c[0] for c in CASES]
+)
+def test_dialect(name: str, given: dict, dialect: str, sign: int) -> None:
+    (found,) = read(REFERENCE / name, **given)
+    assert_same(found, sign)
+    assert found.log[0].arguments["dialect"] == dialect
+    for option, flag in (("length_mm", "--length"), ("area_mm2", "--area")):
+        if option in given:  # what is missing is named, with its option
+            less = {k: v for k, v in given.items() if k != option}
+            assert flag in reason(name, **less)
+
+
+@pytest.mark.parametrize("name", sorted({c[0] for c in CASES}))
+def test_content_not_name_decides(name: str, tmp_path: Path) -> None:
+    given = next(c[1] for c in CASES if c[0] == name)
+    raw = (REFERENCE / name).read_bytes()
+    if name.startswith("wavematrix"):
+        given = BOTH  # without the side-car beside it
+    other = tmp_path / "unnamed.bin"
+    other.write_bytes(gzip.compress(raw))
+    (found,) = read(other, **given)
+    (expected,) = read(REFERENCE / name, **given)
+    np.testing.assert_array_equal(found.stress_MPa, expected.stress_MPa)
+    np.testing.assert_array_equal(found.strain, expected.strain)
+
+
+def test_every_dialect_is_listed_and_has_a_reference() -> None:
+    folder = Path(readers.__file__).parent
+    helpers = {"__init__", "assemble", "source", "table", "tidy", "units", "vocabulary"}
+    modules = {p.stem for p in folder.glob("*.py")} - helpers
+    assert modules == {m.__name__.rsplit(".", 1)[1] for m in READERS}
+    tested = {c[2] for c in CASES} | {"tidy CSV", "GABO Eplexor"}
+    assert {m.NAME for m in READERS} == tested
+
+
+# -- several recordings in a file
+
+
+def test_specimens_one_after_another() -> None:
+    first, second = read(REFERENCE / "bluehill_two_specimens.csv", **BOTH)
+    assert_same(first)
+    assert_same(second)
+    assert [r.specimen for r in (first, second)] == ["1", "2"]
+    assert first.name != second.name
+
+
+def test_specimens_side_by_side_of_unequal_length() -> None:
+    first, second = read(REFERENCE / "shimadzu_two.csv", **BOTH)
+    assert_same(first)
+    assert_same(second, rows=slice(8))
+    assert [r.specimen for r in (first, second)] == ["1 _ 1", "1 _ 2"]
+
+
+def test_sets_in_one_file_compressed() -> None:
+    first, second = read(REFERENCE / "cellscale_two_sets.csv", **AREA)
+    assert_same(first, -1)
+    assert_same(second, -1)
+    assert [r.specimen for r in (first, second)] == ["first", "second"]
+
+
+def test_steps_with_clocks_of_their_own_become_one_test() -> None:
+    (found,) = read(REFERENCE / "trios_steps.txt", length_mm=20)
+    plate = np.pi * 8**2 / 4  # from `8.0mm parallel plate`
+    force = 10 * STRESS[1:]
+    np.testing.assert_allclose(found.stress_MPa, force / plate, atol=1e-7)
+    np.testing.assert_allclose(found.time_s, TIME[1:])
+    # elongation counts from the first gap of the test
+    np.testing.assert_allclose(found.strain, STRAIN[1:] - STRAIN[1], atol=1e-12)
+
+
+def test_normal_stress_of_a_rheometer_is_not_axial_stress() -> None:
+    # Its column is 2 F / area: twice what the area of the plate gives.
+    (found,) = read(REFERENCE / "trios_steps.txt", area_mm2=10, length_mm=20)
+    np.testing.assert_allclose(found.stress_MPa, STRESS[1:], atol=1e-9)
+
+
+# -- workbooks
+
+
+def zwick_workbook(path: Path) -> Path:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    sheet = book.active
+    sheet.title = "Results"
+    for row in (
+        [None, "Specimen designation", "a0", "b0", "S0", "Test speed"],
+        [None, None, "mm", "mm", "mm\u00b2", "mm/min"],
+        [None, "one", 2, 5, 10, 24],
+        [None, "two", 4, 5, 20, 24],
+    ):
+        sheet.append(row)
+    for name, factor in (("one", 1), ("two", 2)):
+        sheet = book.create_sheet(f"Values {name}")
+        sheet.append([name] * 3)
+        sheet.append(["Time", "Standard force", "Standard travel"])
+        sheet.append(["s", "N", "mm"])
+        for t, e, s in zip(TIME, STRAIN, STRESS, strict=True):
+            sheet.append([float(t), float(s * 10 * factor), float(e * 20)])
+    book.save(path)
+    return path
+
+
+def test_zwick_workbook_takes_each_specimens_section(tmp_path: Path) -> None:
+    path = zwick_workbook(tmp_path / "book.xlsx")
+    first, second = read(path, **LENGTH)
+    assert_same(first)
+    assert_same(second)  # twice the force on twice the section
+    assert (first.specimen, second.specimen) == ("one", "two")
+    assert first.rate_per_s == pytest.approx(0.02)
+
+
+def source_of(sheets: dict[str, list[list]], path: Path) -> Source:
+    """A workbook as the readers see it, for .xls, which nothing here can write."""
+    source = Source(path, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1")
+    source.__dict__["sheets"] = [Sheet(name, grid) for name, grid in sheets.items()]
+    return source
+
+
+def test_dma850_workbook(tmp_path: Path) -> None:
+    names = ["Time", "Step time", "Force", "Displacement", "Temperature"]
+    units = ["s", "s", "N", "mm", "\u00b0C"]
+    rows = [
+        [t, t, 10 * s, 20 * e, 25.0]
+        for t, e, s in zip(TIME, STRAIN, STRESS, strict=True)
+    ]
+    details = [
+        ["Filename", "invented"],
+        ["Instrument name", "DMA0850-0"],
+        ["Instrument type", "DMA850"],
+        ["Length", "20.0 mm"],
+        ["Width", "0.5 cm"],
+        ["Thickness", "2000 \u00b5m"],
+    ]
+    sheets = {
+        "Details": details,
+        "Ramp - 1": [["Ramp - 1"], names, units, *rows[:6]],
+        "Hold - 2": [["Hold - 2"], names, units, *rows[6:]],
+    }
+    source = source_of(sheets, tmp_path / "a.xls")
+    dialect = next(m for m in READERS if m.recognises(source))
+    (found,) = dialect.read(source, ReadOptions())
+    assert dialect.NAME == "TA DMA850"
+    assert_same(found)
+    np.testing.assert_array_equal(found.temperature_C, 25.0)
+
+
+def test_eplexor_sweep_is_refused_and_static_test_read(tmp_path: Path) -> None:
+    static = [
+        ["Nr", "F stat.", "Strain stat", "Stress stat", "Time", "T"],
+        ["", "N", "%", "MPa", "s", "\u00b0C"],
+        *(
+            [float(k), 10 * s, 100 * e, s, t, 25.0]
+            for k, (t, e, s) in enumerate(zip(TIME, STRAIN, STRESS, strict=True))
+        ),
+    ]
+    dynamic = [
+        [*row, *more]
+        for row, more in zip(
+            static,
+            [["F dyn.", "f", "E'", "tan delta"], ["N", "Hz", "MPa", ""]]
+            + [[1.0, 0.1, 5.0, 0.1]] * 12,
+            strict=True,
+        )
+    ]
+    for grid, fine in ((static, True), (dynamic, False)):
+        source = source_of({"Exported Data": grid}, tmp_path / "a.xls")
+        dialect = next(m for m in READERS if m.recognises(source))
+        assert dialect.NAME == "GABO Eplexor"
+        if fine:
+            (found,) = dialect.read(source, ReadOptions())
+            assert_same(found)
+        else:
+            with pytest.raises(InputError, match="dynamic sweep"):
+                dialect.read(source, ReadOptions())
+
+
+# -- header facts
+
+
+def test_header_gives_geometry_rate_and_names() -> None:
+    (found,) = read(REFERENCE / "zwick_german.TXT")
+    g = found.geometry
+    assert (g.length_mm, g.width_mm, g.thickness_mm) == (20, 5, 2)
+    assert found.rate_per_s == pytest.approx(0.4 / 20)
+    assert (found.specimen, found.material) == ("strip 7", "PR")
+    # 20 mm of measuring length against 120 mm between the grips: said, not hidden
+    assert any("2 lengths" in note for note in found.log[0].arguments["notes"])
+
+
+def test_side_car_gives_the_section() -> None:
+    (found,) = read(REFERENCE / "wavematrix.steps.tracking.csv", **LENGTH)
+    assert found.geometry.area_mm2 == 10
+    assert any("specimen.txt" in n for n in found.log[0].arguments["notes"])
+
+
+def test_options_go_before_the_header() -> None:
+    (found,) = read(REFERENCE / "bluehill_rawdata.csv", length_mm=40, diameter_mm=2)
+    np.testing.assert_allclose(found.strain, STRAIN / 2, atol=1e-9)
+    np.testing.assert_allclose(found.stress_MPa, 10 * STRESS / np.pi, atol=1e-9)
+
+
+def test_columns_and_units_by_option() -> None:
+    (found,) = read(
+        REFERENCE / "bad_no_unit.csv",
+        units={"stress": "MPa", "time": "s", "strain": "1"},
+    )
+    assert_same(found)
+    (found,) = read(REFERENCE / "zwick_german.TXT", displacement="Traversenweg absolut")
+    assert_same(found)  # it starts at 33 mm, which is set to zero
+
+
+def test_time_from_interval_or_rate() -> None:
+    (found,) = read(REFERENCE / "bad_no_time.csv", **BOTH, interval_s=0.5)
+    assert_same(found)
+    (found,) = read(REFERENCE / "bad_no_time.csv", **BOTH, rate_per_s=0.02)
+    assert_same(found)
+
+
+# -- refusals
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "said"),
+    [
+        ("bad_unknown_unit.csv", BOTH, "'zN', unknown here; give it with --unit"),
+        ("bad_no_unit.csv", {}, "'stress' has no unit; give it with --unit"),
+        ("bad_no_time.csv", BOTH, "--interval SECONDS"),
+        ("bad_mixed_marks.csv", BOTH, "--decimal"),
+        ("bad_dropped_cell.csv", BOTH, "row 8: 2 values under 3"),
+        ("bad_thousandfold_stress.csv", {}, "0.001 times force / area"),
+        ("bad_sweep.txt", {}, "oscillation"),
+        ("wavematrix.log", {}, "tracking.csv"),
+        ("wavematrix.specimen.txt", {}, "tracking.csv"),
+        ("wavematrix.steps.trends.csv", {}, "trends"),
+        ("absent.csv", {}, "no such file"),
+        ("zwick_german.TXT", {"force": "Weg"}, "no column 'Weg'"),
+    ],
+)
+def test_refused_in_one_line(name: str, given: dict, said: str) -> None:
+    assert said in reason(name, **given)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        # kgf, lbf and inch by their legal definitions (NIST SP 811, appendix B)
+        ("kgf", 9.80665),
+        ("gf", 9.80665e-3),
+        ("lbf", 4.4482216152605),
+        ("kN", 1e3),
+        ("KN", 1e3),
+        ("mN", 1e-3),
+        ("in", 25.4),
+        ("(\u00b5m)", 1e-3),
+        ("m", 1e3),
+        ("%", 0.01),
+        ("microstrain", 1e-6),
+        ("psi", 6.894757e-3),
+        ("N/mm\u00b2", 1),
+        ("N/mm^2", 1),
+        ("kPa", 1e-3),
+        ("GPa", 1e3),
+        ("ms", 1e-3),
+        ("min", 60),
+        ("h", 3600),
+    ],
+)
+def test_unit(unit: str, factor: float) -> None:
+    found = parse_unit(unit)
+    assert found is not None
+    assert found.factor == pytest.approx(factor, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", ["mPa", "MN", "mpA", "g", "kg", "zN", "", "N m", "xx"])
+def test_unit_unknown_or_one_case_from_another(unit: str) -> None:
+    assert parse_unit(unit) is None
+
+
+def test_temperatures() -> None:
+    # 77 degF = 25 degC = 298.15 K
+    assert convert(77, "\u00b0F", "temperature", "T") == pytest.approx(25)
+    assert convert(298.15, "K", "temperature", "T") == pytest.approx(25)
+    assert convert(25, "\u2103", "temperature", "T") == 25
+
+
+# -- hostile files
+
+
+def refused_quickly(path: Path, said: str) -> None:
+    start = time.perf_counter()
+    with pytest.raises(InputError, match=said):
+        read(path, **BOTH)
+    assert time.perf_counter() - start < 5
+
+
+def test_gzip_bomb(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(gzip.compress(bytes(150_000_000), 9)))
+    refused_quickly(path, "NUL|not text|no table")
+    path.write_bytes(gzip.compress(b"1,2\n" * 30_000_000, 1))
+    refused_quickly(path, "unpacks to over")
+
+
+def test_zip_bomb(tmp_path: Path) -> None:
+    path = zwick_workbook(tmp_path / "a.xlsx")
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/padding.xml", bytes(50_000_000))
+    refused_quickly(path, "unpacks to over")
+
+
+def with_member(path: Path, name: str, text: str) -> Path:
+    """The workbook with one member's content replaced."""
+    copy = io.BytesIO()
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(copy, "w") as new:
+        for item in old.infolist():
+            data = text.encode() if item.filename == name else old.read(item)
+            new.writestr(item.filename, data)
+    path.write_bytes(copy.getvalue())
+    return path
+
+
+SHEET = "xl/worksheets/sheet1.xml"
+
+
+def test_xml_bomb(tmp_path: Path) -> None:
+    laughs = "".join(
+        f'<!ENTITY l{i} "{f"&l{i - 1};" * 10 if i else "lol"}">' for i in range(12)
+    )
+    bomb = f"<?xml version='1.0'?><!DOCTYPE w [{laughs}]><w>&l11;</w>"
+    path = zwick_workbook(tmp_path / "a.xlsx")
+    refused_quickly(with_member(path, SHEET, bomb), "damaged")
+
+
+@pytest.mark.slow
+def test_cell_far_beyond_the_sheet(tmp_path: Path) -> None:
+    path = zwick_workbook(tmp_path / "a.xlsx")
+    far = (
+        '<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">'
+        '<dimension ref="A1:XFD1048576"/><sheetData><row r="999999999999">'
+        '<c r="A999999999999"><v>1</v></c></row></sheetData></worksheet>'
+    )
+    refused_quickly(with_member(path, SHEET, far), "cells|damaged")
+
+
+@pytest.mark.parametrize(
+    ("raw", "said"),
+    [
+        (b"", "empty"),
+        (b"\x00" * 1000, "empty"),
+        (bytes(range(256)) * 40, "not text"),
+        (b"%PDF-1.7\n1,2\n3,4\n", "PDF"),
+        (b"<html><table><tr><td>1</td></tr></table></html>", "web page"),
+        (b"PK\x03\x04 nothing", "damaged"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "damaged"),
+        (b"\x1f\x8b\x08 nothing", "gzip"),
+        (b"just a few words\nand no numbers\n", "no table"),
+        (b"1,2,3\n" * 50, "without column names"),
+        (b"Time (s),Force (N)\n" + b"1,2" * 100_000, "no table"),
+        (b"Time (s),Force (N)\n" + b'"' + b"1,2\n" * 100, "quotation"),
+        (b"a," * 5000 + b"\n" + b"1," * 5000, "columns|no table"),
+    ],
+)
+def test_hostile_bytes(raw: bytes, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "file.csv"
+    path.write_bytes(raw)
+    refused_quickly(path, said)
+
+
+# -- against tidy recordings nobody here made
+
+TIDY = [
+    (
+        "instron_bluehill/leap-tension-1_1.csv",
+        "foam-tpe-tension-cyclic/tidy/leap_t1.csv",
+        {"length_mm": 16.52, "width_mm": 9.92, "thickness_mm": 6.17},
+    ),
+    (
+        "instron_bluehill/silicone_30a_20251029_145648_1.csv",
+        "silicone30a-instron/tidy/bluehill_10cycles.csv",
+        {"length_mm": 110, "width_mm": 30, "thickness_mm": 2.65},
+    ),
+    (
+        "instron_wavematrix/Test1.steps.tracking.csv",
+        "silicone30a-instron/tidy/wavematrix_e3000_10cycles.csv",
+        {"length_mm": 110, "width_mm": 30, "thickness_mm": 2.65},
+    ),
+    (
+        "instron_bluehill_zh/0d05_1d5_1.csv",
+        "vhb4910-zhao/tidy/lu_0d05_1d5_1.csv",
+        {"length_mm": 80, "area_mm2": 22},
+    ),
+    (
+        "ta_dma850/shear_relaxation_raw.xls",
+        "oca-shear-ladder/tidy/shear_relaxation_raw.csv",
+        {"length_mm": 0.13, "area_mm2": 100},
+    ),
+    (
+        "ta_trios/leap-comp-4.txt",
+        "foam-tpe-compression-cyclic/tidy/leap_comp_4.csv",
+        {"length_mm": 10.92, "diameter_mm": 7.71},
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def data() -> Path:
+    folder = Path(os.environ.get("SOFTNN_DATA") or "absent")
+    if not (folder / "machine-formats").is_dir():
+        pytest.skip("SOFTNN_DATA has no machine-formats")
+    return folder
+
+
+@pytest.mark.parametrize(("raw", "tidy", "given"), TIDY, ids=[t[0] for t in TIDY])
+def test_raw_gives_tidy_to_a_thousandth(
+    raw: str, tidy: str, given: dict, data: Path
+) -> None:
+    (found,) = read(data / "machine-formats" / raw, **given)
+    expected = read_tidy(data / tidy)
+    block = len(found) // len(expected)  # the rheometer's tidy file holds means of 5
+    for name, there in expected.columns.items():
+        here = found.columns[name][: block * len(expected)].reshape(-1, block).mean(1)
+        if "wavematrix" in tidy and name == "stress_MPa":
+            here = here - here[0]  # its source shows stress from the first sample on
+        off = np.max(np.abs(here - there)) / np.ptp(there) if np.ptp(there) else 0.0
+        assert off < 1e-3, name
+
+
+def test_every_machine_file_is_read_or_refused_with_the_way_out(data: Path) -> None:
+    way_out = ("--", "name the", "export ")
+    refusals = {}
+    for file in sorted((data / "machine-formats").glob("*/*")):
+        try:
+            found = read(file, **BOTH)
+        except InputError as error:
+            refusals[file.name] = str(error)
+            continue
+        assert found
+        assert found[0].log[0].arguments["dialect"] != "delimited table", file.name
+    for message in refusals.values():
+        assert any(word in message for word in way_out), message
+
+
+# -- softnn read
+
+
+def test_command_writes_what_it_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [
+        str(REFERENCE / "bluehill_two_specimens.csv"),
+        str(REFERENCE / "generic_psi.csv"),
+    ]
+    out = tmp_path / "out"
+    assert (
+        main(["read", *files, "--length", "20", "--area", "10", "--out", str(out)]) == 0
+    )
+    shown = capsys.readouterr().out
+    for word in ("Instron Bluehill", "Force [kN]", "0 to 0.11", "0 to 4.125 MPa"):
+        assert word in shown
+    written = sorted(p.name for p in out.glob("*.csv"))
+    assert written == [
+        "bluehill_two_specimens-1.csv",
+        "bluehill_two_specimens-2.csv",
+        "generic_psi.csv",
+    ]
+    for name in written:
+        assert_same(read_tidy(out / name))
+        assert_same(read(out / name)[0])
+        assert (out / name).with_suffix(".png").stat().st_size > 1000
+
+
+def test_command_refuses_in_one_line_and_reads_the_rest(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bad, good = REFERENCE / "bad_unknown_unit.csv", REFERENCE / "generic_psi.csv"
+    assert main(["read", str(bad), str(good), "--area", "10", "--length", "20"]) == 2
+    shown = capsys.readouterr()
+    assert len(shown.err.strip().splitlines()) == 1
+    assert "4.125 MPa" in shown.out
+    assert main(["read", str(good), "--unit", "nonsense"]) == 2
+    assert main(["read", str(good), "--length", "-3"]) == 2
+
+
+def test_command_never_writes_outside_out(tmp_path: Path) -> None:
+    raw = (REFERENCE / "generic_psi.csv").read_bytes()
+    out = tmp_path / "deep" / "out"
+    names = ["..", "a\\b;c$(x)", "...hidden", "\u5e94\u53d8"]
+    for name in names:
+        (tmp_path / f"{name}.csv").write_bytes(raw)
+        assert main(["read", str(tmp_path / f"{name}.csv"), "--out", str(out)]) == 0
+    files = [p for p in (tmp_path / "deep").rglob("*") if p.is_file()]
+    assert all(p.parent == out for p in files)
+    assert all(p.name.isascii() and p.name[0].isalnum() for p in files)
