@@ -268,9 +268,9 @@ def by_group(recordings: Iterable[Recording], what: str = "") -> list[list[Recor
 
 
 def alike(a: Recording, b: Recording) -> bool:
-    rates = a.rate_per_s or 0.0, b.rate_per_s or 0.0
-    same = (a.material, a.test) == (b.material, b.test)
-    return same and rates[1] <= 1.1 * rates[0]
+    """Same material and test, and strain rates within 10 % of each other."""
+    low, high = sorted([a.rate_per_s or 0.0, b.rate_per_s or 0.0])
+    return (a.material, a.test) == (b.material, b.test) and high <= 1.1 * low
 
 
 def _mean(group: Sequence[Recording], samples: int | None) -> Recording:

@@ -8,7 +8,7 @@ Values come as magnitudes: compression gives positive moduli and stresses too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -55,7 +55,7 @@ def elastic(
     A range is straight while the bend in it, root mean square, is at most `bend` of
     its rise in stress (0.03 corresponds to R2 = 0.99). `E_small` is the slope of the
     longest straight range that starts at zero strain and grows without a break; the
-    bend is that of a fitted parabola, and does not count while noise may make it (three
+    bend is that of a fitted cubic, and does not count while noise may make it (three
     standard errors). The offset line runs
     parallel to it, `offset` of strain further on; the curve yields where it meets that
     line. `E_large` is the slope of the widest straight range beyond the yield point
@@ -104,24 +104,33 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
 
 
 def _first_range(x: Array, y: Array, bend: float, noise: float) -> int:
-    """Samples of the first straight range: where a fitted parabola stays flat enough.
+    """Samples of the first straight range: where a fitted cubic stays flat enough.
 
-    Of all ranges from the first sample at once, by running sums.
+    Of all ranges from the first sample at once: running sums, and from them the parts
+    of y along the square and the cube of x made orthogonal to what comes before. The
+    cube sees a curve that first softens and then stiffens, and a knee on a long line.
     """
     n = np.arange(1, len(x) + 1)
     u = (x - x[0]) / (x[-1] - x[0])
-    s1, s2, s3, s4 = (np.cumsum(u**k) for k in range(1, 5))
-    t0, t1, t2 = (np.cumsum(u**k * y) for k in range(3))
-    uu, uv, vv = s2 - s1**2 / n, s3 - s1 * s2 / n, s4 - s2**2 / n
-    uy, vy = t1 - s1 * t0 / n, t2 - s2 * t0 / n
+    s = [np.cumsum(u**k) for k in range(7)]
+    t = [np.cumsum(u**k * y) for k in range(4)]
+
+    def centred(i: int, j: int) -> Array:
+        return s[i + j] - s[i] * s[j] / n
+
+    y1, y2, y3 = (t[k] - s[k] * t[0] / n for k in (1, 2, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
-        free = vv - uv**2 / uu  # of the square, what the line does not explain
-        curvature = (vy - uv * uy / uu) / free
-        bent = np.abs(curvature) * np.sqrt(np.maximum(free, 0) / n)
-        rise = np.abs(uy / uu * u)
+        a, b = centred(1, 2) / centred(1, 1), centred(1, 3) / centred(1, 1)
+        square = centred(2, 2) - a * centred(1, 2)
+        y2, y3 = y2 - a * y1, y3 - b * y1
+        both = centred(2, 3) - a * centred(1, 3)
+        cube = centred(3, 3) - b * centred(1, 3) - both**2 / square
+        y3 = y3 - both / square * y2
+        bent = np.sqrt((y2**2 / square + y3**2 / cube) / n)
+        rise = np.abs(y1 / centred(1, 1) * u)
     doubt = 3 * noise / np.sqrt(n)
     straight = np.flatnonzero(bent <= np.maximum(bend * rise, doubt))
-    straight = straight[straight >= 4]
+    straight = straight[straight >= 5]
     if not straight.size:
         return len(x)
     # A break holds on until the range is half as long again; a shorter one is noise.
@@ -299,6 +308,7 @@ def relaxation(recording: Recording) -> Relaxation:
             file=recording.source or recording.name or None,
         )
     ramp, hold = found[0]
+    hold = _whole_hold(recording.strain, hold, parts[parts.index(hold) + 1 :])
     y = sign * recording.stress_MPa
     top = ramp.start + int(np.nanargmax(y[ramp.start : hold.stop]))
     start = float(np.nanmedian(y[max(top - 1, 0) : top + 2]))
@@ -313,6 +323,24 @@ def relaxation(recording: Recording) -> Relaxation:
         strain=float(np.median(np.abs(recording.strain[hold.start : hold.stop]))),
         hold_s=held,
     )
+
+
+def _whole_hold(
+    strain: Array, hold: prepare.Segment, after: Sequence[prepare.Segment]
+) -> prepare.Segment:
+    """The hold with what follows while the strain stays about where it is held.
+
+    A noisy strain reads as a hold in pieces: 2 % of the range is not yet a ramp.
+    """
+    level = np.median(strain[hold.start : hold.stop])
+    for part in after:
+        inside = np.abs(strain[part.start : part.stop] - level)
+        if part.kind != "hold" and inside.max() > 0.1 * np.ptp(strain):
+            break
+        if np.median(inside) > 0.02 * np.ptp(strain):
+            break
+        hold = replace(hold, stop=part.stop)
+    return hold
 
 
 def relaxed(start: float, end: float) -> float:

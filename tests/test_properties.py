@@ -55,6 +55,16 @@ def test_first_range_of_a_parabola_ends_where_its_bend_says(bend):
     assert p.E_small_MPa == pytest.approx(modulus * (1 - length / (2 * a)), rel=0.01)
 
 
+def test_first_range_of_a_curve_that_softens_and_then_stiffens():
+    """y = 3 x - 3 x^2 + x^3 about its inflection at 1: no parabola in it on [0, 2].
+
+    The slope falls from 3 to 0; a range over both arms is not straight.
+    """
+    p = properties.elastic(curve(lambda e: 3 * e - 3 * e**2 + e**3))
+    assert p.small[1] < 0.6
+    assert p.E_small_MPa > 2
+
+
 def test_default_bend_is_an_r2_of_99_per_cent_of_a_parabola():
     made = curve(lambda e: e - e**2 / 4, ultimate=1.9)
     end = properties.elastic(made).small[1]
@@ -173,3 +183,21 @@ def test_relaxation_tests_group_by_strain_and_time_held():
     ]
     sizes = [len(group) for group, _ in properties.relaxations(made)]
     assert sizes == [2, 1, 1]
+
+
+def test_a_hold_in_pieces_is_one_hold():
+    """The strain gauge jumps for a few seconds: 8 % of the strain, then back."""
+    made = held(tau=200.0)
+    strain = made.strain.copy()
+    strain[2000:2020] *= 1.08
+    p = properties.relaxation(Recording(made.time_s, strain, made.stress_MPa))
+    assert p.hold_s == pytest.approx(600, rel=1e-3)
+
+
+def test_a_staircase_gives_its_first_hold():
+    time = np.arange(0, 100, 0.1)
+    strain = np.interp(time, [0, 5, 45, 50, 100], [0, 0.2, 0.2, 0.4, 0.4])
+    stress = strain + 0.1 * np.exp(-np.abs(time - 5) / 10)
+    p = properties.relaxation(Recording(time, strain, stress))
+    assert p.hold_s == pytest.approx(40, abs=0.5)
+    assert p.strain == pytest.approx(0.2)

@@ -1,0 +1,180 @@
+"""Figures of `studies.properties`, in the manner of Figs 4.6 to 4.18 of the thesis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from softnn import prepare
+from softnn.materials import SPEEDS, material
+from softnn.properties import OFFSET, Elastic, Properties
+from softnn.recording import Recording
+from studies.common import COLOURS, FAINT, INK, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BY_SPEED = dict(zip(SPEEDS, COLOURS, strict=False))
+INITIAL = 0.3  # strain shown in the inset
+
+
+def of_virtual(drawn: Mapping[str, Any]) -> dict[str, Figure]:
+    """Mean curves, offset yield, relaxation; `drawn` maps a material to its results."""
+    found = {name: tensile for name, (tensile, _) in drawn.items()}
+    tests = {name: held for name, (_, held) in drawn.items()}
+    return {
+        "curves": curves(found),
+        "yield": offset_yield(found),
+        "relaxation": relaxation(tests),
+    }
+
+
+def curves(found: Mapping[str, Sequence[Properties]]) -> Figure:
+    """Figs 4.6 to 4.9: mean curve of each speed, its initial part as an inset."""
+    columns = min(3, len(found))
+    rows = -(-len(found) // columns)
+    figure = new_figure(3.4 * columns, 2.7 * rows + 0.3)
+    for i, (name, group) in enumerate(found.items()):
+        axes = figure.add_subplot(rows, columns, i + 1)
+        inset = axes.inset_axes((0.56, 0.1, 0.42, 0.38))
+        for p in group:
+            speed = _speed(name, p)
+            colour = BY_SPEED[speed]
+            label = f"{speed} mm/min, {p.specimens}"
+            axes.plot(p.mean.strain, p.mean.stress_MPa, color=colour, label=label)
+            first = p.mean.strain <= INITIAL
+            inset.plot(p.mean.strain[first], p.mean.stress_MPa[first], color=colour)
+        axes.set_title(name)
+        axes.set_xlim(left=0)
+        axes.set_ylim(0, 1.25 * axes.get_ylim()[1])
+        axes.legend(fontsize=7, loc="upper left", borderaxespad=0.1, labelspacing=0.2)
+        inset.tick_params(labelsize=6)
+        inset.set_xlim(0, INITIAL)
+        inset.set_ylim(bottom=0)
+        if i % columns == 0:
+            axes.set_ylabel("stress [MPa]")
+        if i >= len(found) - columns:
+            axes.set_xlabel("strain")
+    _title(figure, "Virtual specimens: mean curves; speed, number of specimens")
+    return figure
+
+
+def offset_yield(found: Mapping[str, Sequence[Properties]]) -> Figure:
+    """Figs 4.10 to 4.16: line of E_small, offset line, yield point, line of E_large."""
+    groups = [(name, p) for name, group in found.items() for p in group]
+    columns = min(5, len(groups))
+    rows = -(-len(groups) // columns)
+    figure = new_figure(2.5 * columns, 2.2 * rows + 0.4)
+    for i, (name, p) in enumerate(groups):
+        axes = figure.add_subplot(rows, columns, i + 1)
+        _yield_panel(axes, p.mean, p.curve)
+        axes.set_title(f"{name}, {_speed(name, p)} mm/min")
+        if i % columns == 0:
+            axes.set_ylabel("stress [MPa]")
+        if i >= len(groups) - columns:
+            axes.set_xlabel("strain")
+    _title(figure, f"Virtual specimens: {KEY}")
+    return figure
+
+
+KEY = (
+    "E_small (orange), the same offset by 0.2 (dashed), yield (dot), E_large (green), "
+    "each over its own range in bold"
+)
+
+
+def of_set(drawn: Sequence[tuple[Recording, Elastic]]) -> Figure:
+    """The same of real recordings, a panel each."""
+    columns = min(5, len(drawn))
+    rows = -(-len(drawn) // columns)
+    figure = new_figure(2.5 * columns, 2.2 * rows + 0.4)
+    for i, (recording, e) in enumerate(drawn):
+        axes = figure.add_subplot(rows, columns, i + 1)
+        _yield_panel(axes, recording, e)
+        axes.set_title(recording.name.replace("_", " "), fontsize=8)
+        if i % columns == 0:
+            axes.set_ylabel("stress [MPa]")
+        if i >= len(drawn) - columns:
+            axes.set_xlabel("strain")
+    _title(figure, KEY)
+    return figure
+
+
+def _yield_panel(axes: Axes, recording: Recording, e: Elastic) -> None:
+    x, y, _ = prepare.rising(recording)
+    top = 1.08 * y.max()
+    axes.plot(x, y, color=COLOURS[0], linewidth=1.6)
+    reach = np.array([0, (top - e.intercept_MPa) / e.E_small_MPa])
+    line = e.intercept_MPa + e.E_small_MPa * reach
+    axes.plot(reach, line, color=COLOURS[1], linewidth=0.8)
+    axes.plot(reach + OFFSET, line, color=COLOURS[1], linewidth=0.8, linestyle="--")
+    small = np.array(e.small)
+    bold: dict[str, Any] = {"linewidth": 2.6, "alpha": 0.9, "solid_capstyle": "butt"}
+    axes.plot(small, e.intercept_MPa + e.E_small_MPa * small, color=COLOURS[1], **bold)
+    if np.isfinite(e.E_large_MPa):
+        large = np.array(e.large)
+        inside = (x >= large[0]) & (x <= large[1])
+        middle, level = x[inside].mean(), y[inside].mean()
+        axes.plot(
+            large, level + e.E_large_MPa * (large - middle), color=COLOURS[2], **bold
+        )
+    if np.isfinite(e.yield_strain):
+        axes.plot(e.yield_strain, e.yield_stress_MPa, "o", color=INK, markersize=4)
+    axes.set_xlim(0, x[-1])
+    axes.set_ylim(0, top)
+
+
+def relaxation(
+    tests: Mapping[str, Sequence[tuple[list[Recording], list[Any]]]],
+) -> Figure:
+    """Figs 4.17 and 4.18: stress in the hold, 180 and 15 minutes, over log time."""
+    figure = new_figure(7.2, 5.4)
+    panels = figure.subplots(2, 2, sharex="col")
+    soft = ("PR", "NatR")
+    for row, names in enumerate(
+        ([n for n in tests if n not in soft], [n for n in tests if n in soft])
+    ):
+        for column, long in enumerate((True, False)):
+            axes = panels[row, column]
+            for name, colour in zip(names, COLOURS, strict=False):
+                for recordings, results in tests[name]:
+                    if (results[0].hold_s > 3600) == long:
+                        _hold(axes, name, recordings, results, colour)
+            axes.set_xscale("log")
+            axes.set_ylim(bottom=0)
+            axes.set_xlim(left=0.1)
+            axes.grid(color=FAINT, alpha=0.2, linewidth=0.6)
+            if row == 0:
+                axes.set_title("180 minutes" if long else "15 minutes")
+            else:
+                axes.set_xlabel("time held [s]")
+            if column == 0:
+                axes.set_ylabel("stress [MPa]")
+    _title(figure, "Virtual specimens: stress relaxation, at the strain held")
+    return figure
+
+
+def _hold(
+    axes: Axes, name: str, recordings: list[Recording], results: list[Any], colour: str
+) -> None:
+    label: str | None = f"{name}, {results[0].strain:.2f}"
+    for recording in recordings:
+        y = np.abs(recording.stress_MPa)
+        top = int(y.argmax())
+        time = recording.time_s[top + 1 :] - recording.time_s[top]
+        axes.plot(time, y[top + 1 :], color=colour, linewidth=0.7, label=label)
+        label = None
+    legend = axes.legend(fontsize=7, loc="best", labelspacing=0.2)
+    for line in legend.get_lines():
+        line.set_linewidth(2)
+
+
+def _speed(name: str, p: Properties) -> int:
+    return round((p.rate_per_s or 0) * 60 * material(name).length_mm)
+
+
+def _title(figure: Figure, text: str) -> None:
+    figure.suptitle(text, fontsize=9, x=0.01, ha="left")
