@@ -239,11 +239,8 @@ def track(name: str, work: Work, case: Case, found: Mapping[str, Any]) -> None:
 
 
 def without_trials(found: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        k: v
-        for k, v in found.items()
-        if k not in ("trials", "text", "shown", "predicted")
-    }
+    """What goes into the result file: no trials, no text, nothing for the figure."""
+    return {k: v for k, v in found.items() if k not in ("trials", "text", "drawn")}
 
 
 def panels(number: int, height: float = 2.4, columns: int = 4) -> tuple[Figure, list]:
