@@ -14,7 +14,16 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from studies.concealed import forge, marching, noises, oracle, scoring, sensor, trial
+from studies.concealed import (
+    forge,
+    marching,
+    noises,
+    oracle,
+    rivals,
+    scoring,
+    sensor,
+    trial,
+)
 from studies.concealed.bases import SKELETONS, Base, draw_base, maxwell
 from studies.concealed.planting import (
     Context,
@@ -520,6 +529,25 @@ def test_planted_effects_can_be_seen_at_a_third_of_the_strength(name):
         for n in range(4)
     ]
     assert np.mean(power) > 0.7
+
+
+def test_rivals_that_can_be_told_apart_and_one_that_cannot():
+    # An offset in some recordings is a far cry from softening.
+    one = order("single", ("zero_offset",), 3)
+    answer = forge.forge_case(one).answer
+    power = rivals.distinct_power(one, answer)
+    assert "zero_offset" not in power
+    assert power["mullins_softening"] > 0.99
+    assert list(power.values()) == sorted(power.values())
+    # Nothing at all can be told from anything: only false alarms are left.
+    nothing = order("null", (), 3)
+    power = rivals.distinct_power(nothing, forge.forge_case(nothing).answer)
+    assert max(power.values()) < 0.02
+
+
+def test_an_answer_can_be_forged_again(forged):
+    folder, orders = forged
+    assert [forge.order_of(a) for a in forge.open_key(folder)] == orders
 
 
 def test_no_pair_excludes_itself():

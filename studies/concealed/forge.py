@@ -10,7 +10,7 @@ import gzip
 import hashlib
 import itertools
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -90,6 +90,16 @@ class Order:
     number: int
     dirty: bool = False
     simulated: bool = False
+
+
+def order_of(answer: Mapping[str, Any]) -> Order:
+    """The order that an answer of the key belongs to: it can be forged again."""
+    return Order(
+        answer["case"],
+        answer["group"],
+        tuple(answer["effects"]),
+        *(answer[k] for k in ("strength", "seed", "number", "dirty", "simulated")),
+    )
 
 
 @dataclass(frozen=True)
@@ -298,11 +308,18 @@ def plant_unlisted(
     return planted
 
 
-def forge_case(order: Order) -> Forged:
-    """Everything of one case, the same for the same order."""
+def draw_case(
+    order: Order,
+) -> tuple[np.random.Generator, Setting, list[Planted]]:
+    """The case and what is planted in it; the generator goes on to the noise."""
     rng = np.random.default_rng([order.seed, order.number])
     setting = draw_setting(rng, order)
-    planted = plant(rng, order, setting)
+    return rng, setting, plant(rng, order, setting)
+
+
+def forge_case(order: Order) -> Forged:
+    """Everything of one case, the same for the same order."""
+    rng, setting, planted = draw_case(order)
     fine = setting.run(planted)
     clean, off = setting.sampled(fine), setting.sampled(setting.run(()))
     if not np.isfinite(clean).all():
@@ -429,15 +446,20 @@ def degrees(planted: Planted) -> int:
     return max([1, *(len(v) for v in lists)])
 
 
-def oracle_refit(setting: Setting) -> oracle.Refit:
-    """What the named model can choose from, knowing the history before a recording."""
+def oracle_refit(
+    setting: Setting, times_s: Sequence[float] | None = None
+) -> oracle.Refit:
+    """What the named model can choose from, knowing the history before a recording.
+
+    `times_s`: relaxation times offered beside the grid, by default the true ones.
+    """
     before: list[Array] = []
     past = np.zeros(0)
     for strain in specimen_strains((), setting.programmes):
         before.append(past)
         if setting.continued:
             past = np.concatenate([past, strain])
-    times = [t for _, t in setting.base.branches]
+    times = [t for _, t in setting.base.branches] if times_s is None else times_s
     return oracle.refit(setting.model, setting.programmes, before, times)
 
 

@@ -9,6 +9,8 @@ from scipy.signal import lfilter
 from studies.concealed.planting import Context, Planted
 from studies.concealed.programmes import STEP_S, Array, Imposed
 
+VIBRATING = ("sine", "chirp", "two-tone")
+
 
 def low_pass(signal: Array, time_s: float) -> Array:
     """One pole by the trapezoidal rule, starting settled on the first value."""
@@ -25,7 +27,7 @@ def inertia(c: Context) -> Planted:
     quickest = max(
         float(np.abs(a[50:-50]).max())
         for a, p in zip(accelerations, c.programmes, strict=True)
-        if p.family in ("sine", "chirp", "two-tone")
+        if p.family in VIBRATING
     )
     mass = c.peak * c.amount(0.05, 0.12) / quickest
     cell_s = c.rng.uniform(0.008, 0.014)

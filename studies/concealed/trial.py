@@ -33,7 +33,7 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.concealed import forge, scoring
+from studies.concealed import forge, rivals, scoring
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,6 +57,7 @@ def make_parser() -> argparse.ArgumentParser:
     p.add_argument("--tracking", help="MLflow address (mlruns/mlflow.db)")
     only = p.add_mutually_exclusive_group()
     only.add_argument("--forge-only", type=Path, metavar="DIR", help="forge, no more")
+    only.add_argument("--resume", type=Path, metavar="DIR", help="diagnose the rest")
     only.add_argument(
         "--score-only", type=Path, metavar="DIR", help="of an earlier run"
     )
@@ -76,8 +77,10 @@ def run(a: argparse.Namespace) -> None:
         digest = forge_into(orders, a.forge_only, a.jobs)
         print(f"{len(orders)} cases in {a.forge_only / 'cases'}; key SHA-256 {digest}")
         return
-    if a.score_only:
-        folder = a.score_only
+    if a.score_only or a.resume:
+        folder = a.score_only or a.resume
+        if not (folder / "record.json").exists():
+            raise InputError(f"{folder} holds no record.json; name a trial's folder")
         record = json.loads((folder / "record.json").read_text())
     else:
         home = RUNS / "smoke" if a.smoke else RUNS
@@ -95,12 +98,14 @@ def run(a: argparse.Namespace) -> None:
         }
         write_record(folder, record)  # the hash is on file before anything is diagnosed
         print(f"{len(orders)} cases forged; key SHA-256 {record['key_sha256']}")
-        record |= diagnose(folder, [o.name for o in orders], a.jobs, a.seed)
+    if not a.score_only:
+        record |= diagnose(folder, a.jobs, record["seed"])
         write_record(folder, record)
     answers = forge.open_key(folder)
     diagnoses = scoring.read_diagnoses(answers, folder / "diagnoses")
     times = {c["case"]: scoring.read_times(c, folder / "cases") for c in answers}
     scores = scoring.score(answers, diagnoses, times)
+    explain_misses(scores["misses"], answers)
     report(folder, record, scores, a.tracking)
 
 
@@ -145,14 +150,35 @@ def write_record(folder: Path, record: Mapping[str, Any]) -> None:
     (folder / "record.json").write_text(json.dumps(record, indent=1) + "\n")
 
 
-def diagnose(
-    folder: Path, names: Sequence[str], jobs: int, seed: int
-) -> dict[str, Any]:
+def explain_misses(
+    misses: Sequence[dict[str, Any]], answers: Sequence[dict[str, Any]]
+) -> None:
+    """Add to wrongly named cases whether anybody could have told the two apart."""
+    by_name = {a["case"]: a for a in answers}
+    for miss in misses:
+        if miss["group"] not in ("single", "pair") or not miss["selected"]:
+            continue
+        answer = by_name[miss["case"]]
+        power = rivals.distinct_power(forge.order_of(answer), answer)
+        miss["nearest_rivals"] = dict(list(power.items())[:3])
+        wrong = set(miss["selected"]) - set(answer["effects"])
+        if any(power.get(w, 1.0) < 0.8 for w in wrong):
+            miss["cause"] = "cannot be told from what was named, says the oracle"
+
+
+def diagnose(folder: Path, jobs: int, seed: int) -> dict[str, Any]:
     """Run the command on the cases, as a user would; how long it took.
 
-    It is told the folders of the cases and nothing else.
+    It is told the folders of the cases and nothing else. Cases that have a diagnosis
+    from an interrupted run are left out.
     """
-    cases = [str((folder / "cases" / n).resolve()) for n in names]
+    cases = [
+        str(case.resolve())
+        for case in sorted((folder / "cases").iterdir())
+        if not (folder / "diagnoses" / case.name / "diagnosis.json").exists()
+    ]
+    if not cases:
+        return {}
     command = [*DIAGNOSE, "--seed", str(seed), "--jobs"]
     begun = time.perf_counter()
     out = str((folder / "diagnoses").resolve())
@@ -172,7 +198,7 @@ def diagnose(
         "diagnose_exit": done.returncode,
         "wall_s": wall,
         "jobs": jobs,
-        "seconds_a_case": wall / max(1, len(names)),
+        "seconds_a_case": wall / len(cases),
         "seconds_alone": sorted(single)[len(single) // 2] if single else None,
     }
 
