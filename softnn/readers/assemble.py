@@ -18,7 +18,7 @@ from softnn.contracts import Array, InputError
 from softnn.readers import table as tables_module
 from softnn.readers.source import Source
 from softnn.readers.table import Column, Entry, Table, is_number
-from softnn.readers.units import BASE, Unit, convert, known, parse_unit
+from softnn.readers.units import Unit, convert, known, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
     COMPRESSIVE,
@@ -552,7 +552,7 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
             specimen = specimen or entry.value
         elif MATERIAL.search(key):
             material = material or entry.value
-        number = _value(entry.value)
+        number = header_number(entry.value)
         if number is None:
             continue
         unit = parse_unit(entry.unit)
@@ -587,7 +587,12 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
     return Header(values, unclear, tuple(speeds), specimen, material, notes)
 
 
-def _value(text: str) -> float | None:
+def header_number(text: str) -> float | None:
+    """A number of a header, in either decimal mark, or None.
+
+    >>> header_number("0,399"), header_number("strip 7")
+    (0.399, None)
+    """
     if not text or not is_number(text):
         return None
     # A lone comma in a header is a decimal one: no specimen is 1,000 mm wide.
@@ -597,11 +602,6 @@ def _value(text: str) -> float | None:
         return float(text)
     except ValueError:
         return None
-
-
-def base_unit(role: str) -> str:
-    """The unit a role has in a Recording."""
-    return BASE[DIMENSION[role]]
 
 
 def recordings(

@@ -1,8 +1,8 @@
 """TA Instruments DMA850 (TRIOS .xls or .txt): ramps and holds, a sheet a step.
 
 All steps share the clock `Time`; the details give clamp and specimen, `Length`
-"29.0063 mm". Force and displacement are positive in tension. Not every step carries
-a strain, so strain is displacement / length.
+"29.0063 mm". Force and displacement are positive in tension. What not every step
+carries, as often the strain, is made from force, displacement and geometry.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def read(source: Source, options: ReadOptions) -> list[Recording]:
         columns={
             "time": ("time", "test time", "step time"),
             "force": ("force", "axial force", "static force"),
-            "stress": (),
-            "strain": (),
+            "stress": ("stress", "static stress"),
+            "strain": ("strain", "static strain"),
             "displacement": ("displacement", "static displacement"),
         },
     )

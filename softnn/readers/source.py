@@ -243,32 +243,30 @@ def split_lines(
             if line.strip():
                 blank[i] = list(_split(line.lstrip("# "), delimiter))
         return blank
-    grid: Grid = []
-    for number, line in enumerate(lines, start=1):
-        if line.startswith("#"):  # a comment sign before the column names
-            line = line.lstrip("# ")
-        if '"' not in line:
-            cells = line.split(delimiter) if line else []
-        else:
-            try:
-                cells = next(
-                    csv.reader([line], delimiter=delimiter, skipinitialspace=True), []
-                )
-            except csv.Error as error:
-                raise InputError(f"not a row: {error}", file=path, row=number) from None
-            if strict and line.count('"') % 2:
-                raise InputError(
-                    "a quotation mark without its pair; repair the row",
-                    file=path,
-                    row=number,
-                )
-        if len(cells) > MAX_COLUMNS:
+    if any(line[:1] == "#" for line in lines[:200]):
+        lines = [line.lstrip("# ") for line in lines]  # comment signs before names
+    try:
+        split = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+    except csv.Error as error:
+        raise InputError(f"not a table of cells: {error}", file=path) from None
+    if len(split) != len(lines):  # a quoted cell ran on over a line end
+        if strict:
+            odd = (i for i, x in enumerate(lines, start=1) if x.count('"') % 2)
+            number = next(odd, None)
             raise InputError(
-                f"{len(cells)} columns; allowed are {MAX_COLUMNS}",
+                "a quotation mark without its pair; repair the row",
                 file=path,
                 row=number,
             )
-        grid.append([c.strip() for c in cells])
+        lines = [line.replace('"', "") for line in lines]
+        split = [line.split(delimiter) for line in lines]
+    grid: Grid = []
+    for number, (line, row) in enumerate(zip(lines, split, strict=True), start=1):
+        if len(row) > MAX_COLUMNS:
+            raise InputError(
+                f"{len(row)} columns; allowed are {MAX_COLUMNS}", file=path, row=number
+            )
+        grid.append([c.strip() for c in row] if " " in line else list(row))
     return grid
 
 

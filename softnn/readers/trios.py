@@ -4,10 +4,11 @@ Raw waveform text: names with units, tab-separated, a tab too many at the end of
 row. Export: `Details`, then a block (a sheet, or `[step]`) a step, each with its own
 clock `Step time`; the steps are one test and follow each other without a pause.
 
-Force is positive in compression and the gap is the specimen's height, so force
-changes sign and the gap's change is the elongation. `Normal stress` is 2 F / area
-(the normal stress difference of a cone, in its manual), so stress is made from the
-force. The plate's diameter in the geometry's name is used as the specimen's.
+In axial steps force is positive in compression and the gap is the specimen's height,
+so force changes sign and the gap's change is the elongation. `Normal stress` is
+2 F / area (the normal stress difference of a cone, in its manual), so stress is made
+from the force. The plate's diameter in the geometry's name is used as the specimen's.
+Rotational steps (`Stress`, `Strain`) are shear and read as they are.
 """
 
 from __future__ import annotations
@@ -18,43 +19,65 @@ from dataclasses import replace
 import numpy as np
 
 from softnn.contracts import InputError
-from softnn.readers.assemble import ReadOptions, Rules, recordings
+from softnn.readers.assemble import ReadOptions, Rules, header_number, recordings
 from softnn.readers.source import Source
-from softnn.readers.table import Entry, Table, decimal_mark, find_tables, numbers
-from softnn.readers.units import parse_unit
+from softnn.readers.table import (
+    Entry,
+    Table,
+    decimal_mark,
+    entries,
+    find_tables,
+    numbers,
+)
+from softnn.readers.units import convert
 from softnn.readers.vocabulary import STEP_CLOCK
 from softnn.recording import Recording
 
 NAME = "TA TRIOS"
 _FORCES = ("axial force", "normal force")
+_SHEAR = {"stress", "strain"}
 _SWEEP = {"storage modulus", "loss modulus", "tan delta", "complex viscosity"}
 
 
 def recognises(source: Source) -> bool:
     names = source.names
-    return any(f in names for f in _FORCES) and (
-        "gap" in names or {"instrument name", "proceduresegments"} <= names
+    return {"instrument name", "proceduresegments"} <= names or (
+        any(f in names for f in _FORCES) and "gap" in names
     )
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
-    tables = steps(source)
-    plate = _plate(tables)
-    rules = Rules(
+    table, decimal = one_test(steps(source), source, options)
+    options = replace(options, decimal=decimal)
+    clock = ("time", "test time", "step time")
+    if _SHEAR <= {c.plain for c in table.columns}:
+        shear = Rules(
+            NAME,
+            columns={
+                "time": clock,
+                "force": (),
+                "stress": ("stress", "shear stress"),
+                "strain": ("strain", "shear strain"),
+                "displacement": (),
+            },
+            notes=("stress and strain of a rotation: shear",),
+        )
+        return recordings([table], shear, options, source.path)
+    plate = None if options.has_area else _plate(table)
+    axial = Rules(
         NAME,
         columns={
-            "time": ("time", "test time", "step time"),
+            "time": clock,
             "force": _FORCES,
             "stress": (),
             "strain": (),
             "displacement": ("gap", "displacement"),
         },
         compression=True,
-        geometry={"diameter_mm": plate} if plate and not options.has_area else {},
-        notes=("diameter is the plate's",) if plate and not options.has_area else (),
+        geometry={"diameter_mm": plate} if plate else {},
+        notes=("diameter is the plate's",) if plate else (),
     )
-    table, decimal = one_test(tables, source, options)
-    return recordings([table], rules, replace(options, decimal=decimal), source.path)
+    return recordings([table], axial, options, source.path)
 
 
 def steps(source: Source) -> list[Table]:
@@ -65,15 +88,9 @@ def steps(source: Source) -> list[Table]:
         name = sheet.name if not source.is_text else ""
         found = find_tables(sheet.grid, source.path, name)
         if not found:
-            details += _details(sheet.grid)
+            details += entries(sheet.grid)
         tables += [replace(t, header=details + t.header) for t in found]
     return tables
-
-
-def _details(grid: list) -> tuple[Entry, ...]:
-    from softnn.readers.table import entries
-
-    return entries(grid)
 
 
 def one_test(
@@ -99,9 +116,11 @@ def one_test(
     shared = [
         c for c in tests[0].columns if all(c in other.columns for other in tests[1:])
     ]
-    if not any(f in {c.plain for c in shared} for f in (*_FORCES, "force")):
+    names = {c.plain for c in shared}
+    if not (names & {*_FORCES, "force", "static force"} or names >= _SHEAR):
         raise InputError(
-            "its steps have no force and unit in common; export them one a file",
+            "its steps have no force, or stress and strain, of one unit in common; "
+            "export each of them by itself",
             file=source.path,
         )
     clock = next((c for c in shared if c.plain in ("time", "test time")), None)
@@ -139,15 +158,12 @@ def one_test(
     return joined, decimal
 
 
-def _plate(tables: list[Table]) -> float | None:
+def _plate(table: Table) -> float | None:
     """Diameter in mm out of `8.0mm parallel plate, ...`."""
-    for table in tables:
-        for entry in table.header:
-            match = re.match(r"([\d.]+) ?(mm|cm|in)\b.*\bplate\b", _joined(entry))
-            if match and entry.key == "Geometry name":
-                unit = parse_unit(match[2])
-                assert unit is not None
-                return float(match[1]) * unit.factor
+    for entry in table.header:
+        match = re.match(r"([\d.]+) ?(mm|cm|in)\b.*\bplate\b", _joined(entry))
+        if match and entry.key == "Geometry name" and header_number(match[1]):
+            return convert(float(match[1]), match[2], "length", entry.key)
     return None
 
 

@@ -5,28 +5,16 @@ from __future__ import annotations
 import re
 import unicodedata
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from softnn.contracts import InputError
-
-BASE = MappingProxyType(
-    {
-        "time": "s",
-        "force": "N",
-        "length": "mm",
-        "strain": "mm/mm",
-        "stress": "MPa",
-        "temperature": "degC",
-        "area": "mm2",
-        "speed": "mm/s",
-        "rate": "1/s",
-    }
-)
 
 
 @dataclass(frozen=True)
 class Unit:
-    """value in the base unit of `dimension` = value * factor + offset."""
+    """In the base unit of `dimension`, a value is value * factor + offset.
+
+    Base units: s, N, mm, mm/mm, MPa, degC, mm2, mm/s, 1/s.
+    """
 
     dimension: str
     factor: float

@@ -17,9 +17,9 @@ _NOT = re.compile(
     r"\b(rates?|speed|counts?|cycles?|number|nr|max(imum)?|min(imum)?|mean|torque|"
     r"rotation|rotary|width|lateral|transverse|quer\w*|breiten\w*|largeur|date|datum|"
     r"clock|uhrzeit|set ?point|command|target|soll\w*|error|modul\w*|energy|work|"
-    r"power|video time|digital|dyn|cont|preload|vorkraft|tenacity|index|marker|encoder|"
+    r"power|video time|dyn|cont|preload|vorkraft|tenacity|index|marker|encoder|"
     r"frequency|phase|pip|day|remaining|load cell|oscillation|amplitude|final|"
-    r"bruch|break|area|flow)\b"
+    r"bruch|break|area|flow|at|yield|peak|offset)\b"
 )
 
 # role -> patterns, most wanted first. \u escapes are Chinese and Japanese words.
@@ -77,7 +77,8 @@ DIMENSION = MappingProxyType(
 
 # Columns whose zero is the machine's, not the specimen's.
 ABSOLUTE = re.compile(
-    r"\babsol\w*\b|^(position|pos|gap|size|height)\b|\bcapteur de course"
+    r"\babsol\w*\b|\bdigital position\b|^(position|pos|gap|size|height)\b|"
+    r"\bcapteur de course"
 )
 HEIGHT = re.compile(r"^(gap|size|height)\b")
 STEP_CLOCK = re.compile(r"\b(step|segment) time\b")
@@ -159,7 +160,9 @@ def rank(role: str, name: str) -> int | None:
     """
     if _NOT.search(name):
         return None
+    # WaveMatrix gives a digital position beside the measured one, or alone.
+    second = 10 * (re.search(r"\bdigital\b", name) is not None)
     for i, pattern in enumerate(ROLES[role]):
         if pattern.search(name):
-            return i
+            return i + second
     return None
