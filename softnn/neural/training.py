@@ -6,8 +6,11 @@ neuron counts) are trained in one batch, in float64, on any torch device.
 
 from __future__ import annotations
 
+import itertools
+import os
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -194,16 +197,72 @@ def train(
     inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
     Normalisation is that of the training samples alone. With `starts` above 1 the best
     of that many starts, by log evidence on at most `SUBSET` samples, is trained on.
-    The same seed gives the same network, whatever else is in the batch, up to rounding.
+    The same seed starts the same network, whatever else is in the batch.
     """
     inputs, target = np.asarray(inputs, float), np.asarray(target, float)
     _check(inputs, target, neurons, train_mask, seeds, starts)
-    began = time.perf_counter()
-    rngs = [
-        np.random.default_rng([seed, count])
-        for seed, count in zip(seeds, neurons, strict=True)
+    jobs = [
+        _Job(inputs, target, np.flatnonzero(mask), int(count), int(seed))
+        for mask, count, seed in zip(train_mask, neurons, seeds, strict=True)
     ]
-    rows = [np.flatnonzero(mask) for mask in train_mask]
+    groups = _groups(jobs, 1 if device != "cpu" else (os.cpu_count() or 1))
+
+    def run(group: list[int]) -> list[Trained]:
+        chosen = [jobs[i] for i in group]
+        return _train_batch(chosen, regularisation, settings, starts, device)
+
+    if device != "cpu" or len(groups) == 1:
+        done = [run(group) for group in groups]
+    else:
+        # A thread per core, each with torch on one thread: threads inside the small
+        # products of one network wait for each other, and badly so on a busy machine.
+        with ThreadPoolExecutor(
+            os.cpu_count(), initializer=torch.set_num_threads, initargs=(1,)
+        ) as pool:
+            done = list(pool.map(run, groups))
+    found = dict(
+        (i, one)
+        for group, trained in zip(groups, done, strict=True)
+        for i, one in zip(group, trained, strict=True)
+    )
+    return [found[i] for i in range(len(jobs))]
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One network to be: the data (shared), its training rows, its size, its seed."""
+
+    inputs: Array
+    target: Array
+    rows: np.ndarray
+    neurons: int
+    seed: int
+
+
+def _groups(jobs: list[_Job], workers: int) -> list[list[int]]:
+    """Indices of jobs trained together: one size a group where there are workers."""
+    order = sorted(range(len(jobs)), key=lambda i: -jobs[i].neurons)
+    if workers == 1:
+        return [order]
+    groups: list[list[int]] = []
+    for _, same in itertools.groupby(order, key=lambda i: jobs[i].neurons):
+        members = list(same)
+        parts = min(len(members), workers)
+        groups += [members[k::parts] for k in range(parts)]
+    return groups
+
+
+def _train_batch(
+    jobs: list[_Job],
+    regularisation: Regularisation,
+    settings: Settings,
+    starts: int,
+    device: str,
+) -> list[Trained]:
+    began = time.perf_counter()
+    inputs, target = jobs[0].inputs, jobs[0].target
+    rngs = [np.random.default_rng([job.seed, job.neurons]) for job in jobs]
+    rows = [job.rows for job in jobs]
     scalings = [(Scaling.of(inputs[r]), Scaling.of(target[r])) for r in rows]
     held_out: list[np.ndarray] | None = None
     if regularisation.kind == "early-stopping":
@@ -212,7 +271,7 @@ def train(
         held_out = [np.sort(r[:c]) for r, c in zip(mixed, cut, strict=True)]
         rows = [np.sort(r[c:]) for r, c in zip(mixed, cut, strict=True)]
 
-    counts = torch.tensor(list(neurons), device=device)
+    counts = torch.tensor([job.neurons for job in jobs], device=device)
     width = int(counts.max())
 
     def problem(chosen: list[np.ndarray], repeats: int = 1) -> _Tanh:
@@ -230,18 +289,18 @@ def train(
 
     start = torch.stack(
         [
-            _nguyen_widrow(rng, count, inputs.shape[1], width)
-            for rng, count in zip(rngs, neurons, strict=True)
+            _nguyen_widrow(rng, job.neurons, inputs.shape[1], width)
+            for rng, job in zip(rngs, jobs, strict=True)
             for _ in range(starts)
         ]
     ).to(device)
-    few = [
-        np.sort(rng.choice(r, SUBSET, replace=False)) if len(r) > SUBSET else r
-        for rng, r in zip(rngs, rows, strict=True)
-    ]
     if starts > 1 or any(len(r) > 2 * SUBSET for r in rows):
         # Most of the way is gone on few samples, at a fraction of the cost; full data
         # then move the answer by about its standard error on the few.
+        few = [
+            np.sort(rng.choice(r, SUBSET, replace=False)) if len(r) > SUBSET else r
+            for rng, r in zip(rngs, rows, strict=True)
+        ]
         early = fit(problem(few, starts), start, replace(settings, settled_nats=0.5))
         pick = early.evidence.reshape(-1, starts).nan_to_num(nan=-torch.inf).argmax(1)
         first = torch.arange(len(rows), device=device) * starts
@@ -249,14 +308,13 @@ def train(
     task = problem(rows)
     if held_out is not None:
         task.held_out = problem(held_out)
-        task.held_out.width = task.width
     result = fit(task, start, settings)
     seconds = (time.perf_counter() - began) / len(rows)
-    hidden, output, bias = (
-        part.cpu().numpy() for part in task.split(result.parameters)
-    )
+    parts = task.split(result.parameters)
+    hidden, output, bias = (part.cpu().numpy() for part in parts)
     trained = []
-    for i, count in enumerate(neurons):
+    for i, job in enumerate(jobs):
+        count = job.neurons
         network = Network(
             hidden[i, :, :count].T.copy(),
             np.append(output[i, 0, :count], bias[i]),
@@ -265,7 +323,7 @@ def train(
         trained.append(
             Trained(
                 network,
-                int(count),
+                count,
                 int(task.size[i]),
                 float(result.gamma[i]),
                 float(result.alpha[i]),
