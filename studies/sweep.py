@@ -19,13 +19,13 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from softnn.crossval import Folds, make_folds, score
 from tqdm import tqdm
 
 import softnn
 from softnn.contracts import InputError
+from softnn.crossval import Folds, make_folds, rate_groups, score
 from softnn.metrics import nrmse
-from softnn.neural import Regularisation, Samples, samples, train
+from softnn.neural import Regularisation, Samples, Trained, samples, train
 from softnn.search import Finished, Objective, Range, Search, Value
 from studies.common import fingerprint
 from studies.material_data import Data
@@ -81,28 +81,36 @@ class Trainer:
             self.data.tensile, rows, split, number=self.settings.folds, seed=seed
         )
 
-    def __call__(self, parameters: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
-        chosen = asdict(self.settings) | dict(parameters)
-        inputs, split, neurons = chosen["inputs"], chosen["split"], chosen["neurons"]
-        seed = chosen.get("folds_seed", self.settings.seed)
-        known = self.samples(inputs)
-        folds = self.folds(split, inputs, seed)
+    def networks(self, chosen: Mapping[str, Any], folds: Folds) -> list[Trained]:
+        """A network for each fold, trained without the samples of that fold."""
+        known = self.samples(chosen["inputs"])
         number = len(folds.names)
-        trained = train(
+        seed = chosen.get("folds_seed", self.settings.seed)
+        return train(
             known.inputs,
             known.target,
-            neurons=[neurons] * number,
-            train_mask=~folds.test,
+            neurons=[chosen["neurons"]] * number,
+            train_mask=folds.train,
             seeds=[seed * 1000 + i for i in range(number)],
             regularisation=Regularisation.parse(chosen["regularisation"]),
         )
+
+    def __call__(self, parameters: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
+        chosen = asdict(self.settings) | dict(parameters)
+        known = self.samples(chosen["inputs"])
+        folds = self.folds(
+            chosen["split"],
+            chosen["inputs"],
+            chosen.get("folds_seed", self.settings.seed),
+        )
+        trained = self.networks(chosen, folds)
         predicted = np.full(folds.test.shape, np.nan)
         for row, test, one in zip(predicted, folds.test, trained, strict=True):
             row[test] = one.network.predict(known.inputs[test])
         scores = score(folds, predicted, known.target)
         return scores.generalisation_error, {
             "generalisation_error": scores.generalisation_error,
-            "r2_mean": float(np.mean(scores.r2)),
+            "r2_mean": scores.mean_r2,
             "nrmse": scores.nrmse.tolist(),
             "r2": scores.r2.tolist(),
             "gamma": [t.gamma for t in trained],
@@ -120,23 +128,19 @@ class Trainer:
     def _by_rate(
         self, known: Samples, folds: Folds, predicted: np.ndarray
     ) -> dict[str, float]:
-        """NRMSE of the held-out predictions at each nominal strain rate."""
-        rates = np.array(
-            [
-                np.nan if r.rate_per_s is None else r.rate_per_s
-                for r in self.data.tensile
-            ]
-        )[known.recording]
-        held_out = folds.test.any(axis=0)
-        pooled = np.where(
-            held_out, np.nansum(np.where(folds.test, predicted, 0.0), axis=0), np.nan
-        )
-        pooled /= np.maximum(folds.test.sum(axis=0), 1)
-        found = {}
-        for rate in np.unique(np.round(rates[np.isfinite(rates)], 6)):
-            of = np.isclose(rates, rate, atol=1e-6)
-            found[f"{rate:.4g}"] = nrmse(pooled[of], known.target[of])
-        return found
+        """NRMSE of the held-out predictions at each strain rate."""
+        rates = rate_groups([r.rate_per_s for r in self.data.tensile])
+        of_sample = np.array([np.nan if r is None else r for r in rates])
+        of_sample = of_sample[known.recording]
+        # A sample is held out once, or never: the folds do not overlap.
+        pooled = np.where(folds.test, predicted, 0.0).sum(axis=0)
+        pooled[~folds.test.any(axis=0)] = np.nan
+        return {
+            f"{rate:g}": nrmse(
+                pooled[of_sample == rate], known.target[of_sample == rate]
+            )
+            for rate in np.unique(of_sample[np.isfinite(of_sample)])
+        }
 
 
 # --- trials, kept and tracked ---------------------------------------------------------
@@ -172,6 +176,8 @@ class Sweep:
         name = re.sub(r"\W+", "-", f"{study}-{data.source}-{data.material}")[:60]
         self.key = f"{name}-{fingerprint(content, files=_code())}"
         self.trainer = Trainer(data, settings)
+        # What cannot be split is said before anything is opened.
+        self.trainer.folds(settings.split, settings.inputs, settings.seed)
         self.search = Search(
             places.storage, self.key, space, seed=settings.seed, fresh=places.fresh
         )

@@ -1,5 +1,11 @@
 """Neural networks of one tanh layer: input architectures, training, prediction."""
 
+import os
+
+# Read when torch is loaded. Threads that wait by spinning, the default, make training
+# ten times slower as soon as anything else runs on the same cores.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
 from softnn.neural.inputs import ARCHITECTURES, Architecture, Samples, samples
 from softnn.neural.levenberg import Settings
 from softnn.neural.network import Network, Scaling
