@@ -42,6 +42,7 @@ from studies.concealed.programmes import (
 )
 from studies.concealed.unlisted import UNLISTED
 
+FAMILIES_AND_HELD_OUT = FAMILIES | HELD_OUT
 PACE = Pace(peak=0.8, ramp_s=3.0, corner_s=0.2, cycle_hz=0.5)
 BASE = Base("linear", {}, 1.0, 0.8, ())  # stress is strain: sizes are read off it
 
@@ -135,7 +136,7 @@ def test_modulus_is_the_secant_at_the_largest_strain(seed):
 def test_programmes_start_and_end_at_rest(family, compress):
     pace = replace(PACE, compress=compress)
     rng = np.random.default_rng(3)
-    strain = (FAMILIES | HELD_OUT)[family](rng, pace)
+    strain = FAMILIES_AND_HELD_OUT[family](rng, pace)
     assert strain[0] == 0
     assert abs(strain[-1]) < 1e-9
     assert 0.3 * pace.peak < strain.max() <= pace.peak * (1 + 1e-9)
@@ -504,6 +505,20 @@ def test_the_number_of_processes_changes_nothing(forged, tmp_path):
     assert seal == json.loads((folder / "seal.json").read_text())["key_sha256"]
 
 
+def test_the_unseen_programme_is_the_same_specimen_again():
+    one = order("single", ("nonlinear_viscosity",), 4)
+    _, setting, effects = forge.draw_case(one)
+    kept = forge.unseen(one, setting, effects)
+    assert kept is not None
+    strain = FAMILIES_AND_HELD_OUT["zigzag"](
+        np.random.default_rng([one.seed, one.number, 1]), setting.pace
+    )
+    stress = material_stress(setting.base, effects, strain, np.zeros(len(strain)))
+    index = np.round(np.array(kept["time_s"]) / STEP_S).astype(int)
+    np.testing.assert_allclose(kept["clean_MPa"], stress[index], rtol=1e-6)
+    assert forge.unseen(order("single", ("slack",)), setting, effects) is None
+
+
 def test_a_continued_history_is_one_history():
     rng = np.random.default_rng(1)
     strains = [f(rng, PACE) for f in (FAMILIES["sine"], FAMILIES["growing"])]
@@ -603,7 +618,8 @@ def answer_of(group: str, *effects: str, power: float = 1.0) -> dict:
         "recordings": [{"name": "recording-01", "samples": 10}],
         "acts": [[[2, 6]]],
         "left": [[]],
-        "noise": {"kind": "white", "level": 0.01},
+        "noise": {"kind": "white", "level": 0.01, "sigma_MPa": 0.003},
+        "unseen": {"clean_MPa": [1.0, 2.0]} if group == "single" else None,
         "noise_nrmse": 0.02,
         "dirty": False,
         "simulated": False,
@@ -668,7 +684,9 @@ def test_scores_counted_by_hand():
     answers = [{**a, "case": str(i)} for i, (a, _) in enumerate(cases)]
     diagnoses = {str(i): d for i, (_, d) in enumerate(cases)}
     times = {str(i): {"recording-01": np.arange(10.0)} for i in range(len(cases))}
-    found = scoring.score(answers, diagnoses, times)
+    # The error of 0.004 and the noise of 0.003 make 0.005.
+    simulated = {"0": np.array([1.004, 1.996])}
+    found = scoring.score(answers, diagnoses, times, simulated)
     assert found["groups"]["single"]["right"] == 1
     assert found["groups"]["single"]["of"] == 4
     assert found["groups"]["null"]["rate"] == 0.5
@@ -676,6 +694,8 @@ def test_scores_counted_by_hand():
     assert found["confusion"]["zero_offset"] == {"zero_offset": 1, "gain_error": 1}
     assert found["confusion"]["slack"] == {"zero_offset": 1, "nothing_missing": 1}
     assert found["power"] == pytest.approx((1 / 4) / ((1 + 1 + 1 + 0.2) / 4))
+    assert found["unseen_over_floor"] == pytest.approx(5 / 3)
+    assert found["unseen_of"] == 1
     assert found["heldout_over_floor"] == pytest.approx(0.021 / 0.02)
     causes = {m["case"]: m["cause"] for m in found["misses"]}
     assert causes == {
@@ -727,8 +747,10 @@ def test_a_perfect_diagnosis_meets_every_bar(forged, tmp_path, monkeypatch):
     assert trial.main(["--score-only", str(folder)]) == 0
     result = json.loads((folder / "concealed.json").read_text())
     bars = result["trials"]["strength-1"]["bars"]
-    assert len(bars) == 8
-    assert all(b["met"] for b in bars), bars
+    assert len(bars) == 9
+    # There is no model to simulate, so nothing is said about the unseen programme.
+    assert [b["key"] for b in bars if b["met"] is None] == ["unseen_over_floor"]
+    assert all(b["met"] for b in bars if b["met"] is not None), bars
     assert result["headline"]["strength-1/single_right"] == 1
     assert (folder / "concealed-strength-1.png").stat().st_size > 5000
     assert (tmp_path / "smoke" / "mlflow.db").exists()

@@ -37,6 +37,7 @@ from studies.concealed.programmes import (
     Imposed,
     Pace,
     sample,
+    zigzag,
 )
 from studies.concealed.unlisted import UNLISTED
 
@@ -64,6 +65,8 @@ EFFECTS: tuple[Callable[[Context], Planted], ...] = (
 )
 NAMES = tuple(plant.__name__ for plant in EFFECTS)
 SENSORS = NAMES[NAMES.index("inertia") :]
+# Sizes that a recording has for itself alone say nothing about the next one.
+OWN_SIZE = {"slack", "grip_slip", "zero_offset", "gain_error"}
 # Two of these are two forms of one thing, or ask for programmes that exclude each
 # other (compression shows tension-only; a slack strip cannot be compressed).
 NOT_TOGETHER = (
@@ -424,6 +427,7 @@ def forge_case(order: Order) -> Forged:
         ],
         "left": [runs(np.abs(left[a:b]) > 2 * profile[a:b]) for a, b in pieces],
         "left_nrmse": float(np.sqrt(np.sum(left**2) / np.sum(clean**2))),
+        "unseen": unseen(order, setting, planted),
         "recordings": [
             {
                 "name": name,
@@ -438,6 +442,47 @@ def forge_case(order: Order) -> Forged:
         ],
     }
     return Forged(tables, "\n".join(toml) + "\n", answer)
+
+
+def unseen(
+    order: Order, setting: Setting, planted: Sequence[Planted]
+) -> dict[str, list[float]] | None:
+    """One more programme on a virgin specimen, for the corrected model to predict.
+
+    It stays in the key. None where the specimens scatter, or an effect has a size of
+    its own in every recording: nobody could predict that.
+    """
+    if (
+        order.group not in ("single", "pair")
+        or setting.specimens
+        or OWN_SIZE & set(order.effects)
+    ):
+        return None
+    rng = np.random.default_rng([order.seed, order.number, 1])
+    strain = zigzag(rng, setting.pace)
+    programme = Imposed("zigzag", strain, sample(rng, strain, 600, "steady"))
+    seen = np.concatenate(setting.temperatures)
+    heat = np.linspace(seen.min(), seen.max(), len(strain))
+    alone = replace(
+        setting,
+        programmes=(programme,),
+        temperatures=(heat,),
+        continued=False,
+        gains=(1.0,),
+    )
+    columns = {
+        "time_s": programme.time_s,
+        "strain": strain,
+        "clean_MPa": alone.run(planted)[0],
+    }
+    if setting.warm:
+        columns["temperature_C"] = heat
+    if order.simulated:
+        columns["simulated_MPa"] = alone.run(())[0]
+    return {
+        name: [float(f"{v:.7g}") for v in values[programme.index]]
+        for name, values in columns.items()
+    }
 
 
 def degrees(planted: Planted) -> int:

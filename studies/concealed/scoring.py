@@ -178,12 +178,32 @@ def heldout_over_floor(
     return None if after is None else float(after) / float(answer["noise_nrmse"])
 
 
+def unseen_over_floor(
+    answer: Mapping[str, Any], simulated_MPa: np.ndarray | None
+) -> float | None:
+    """What a noisy recording of the unseen programme would show, over its noise.
+
+    The corrected model's error on the clean stress and the noise of the case add in
+    squares; 1 is a perfect prediction.
+    """
+    if answer["unseen"] is None or simulated_MPa is None:
+        return None
+    clean = np.asarray(answer["unseen"]["clean_MPa"])
+    error = np.mean((simulated_MPa - clean) ** 2)
+    return float(np.sqrt(1 + error / answer["noise"]["sigma_MPa"] ** 2))
+
+
 def score(
     answers: Sequence[Mapping[str, Any]],
     diagnoses: Mapping[str, Mapping[str, Any]],
     times_s: Mapping[str, Mapping[str, np.ndarray]],
+    simulated_MPa: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
-    """Everything that the trial reports, JSON-ready. Times by case and recording."""
+    """Everything that the trial reports, JSON-ready.
+
+    Times by case and recording; corrected models' stress for the unseen programmes by
+    case, where there is one.
+    """
     rows = []
     for answer in answers:
         d = diagnoses[answer["case"]]
@@ -204,6 +224,7 @@ def score(
                 "f1": region_f1(answer, d, times),
                 "f1_left": region_f1(answer, d, times, "left"),
                 "heldout": heldout_over_floor(answer, d),
+                "unseen": unseen_over_floor(answer, simulated_MPa.get(answer["case"])),
                 **{k: answer[k] for k in ("dirty", "simulated", "history")},
                 "noise": answer["noise"]["kind"],
                 "level": answer["noise"]["level"],
@@ -219,6 +240,7 @@ def score(
                 "oracle_power": float(t.oracle.mean()),
                 "f1": median(t.f1),
                 "heldout_over_floor": median(t.heldout),
+                "unseen_over_floor": median(t.unseen),
             }
             for e, t in table[table.group == "single"].groupby("effects")
         },
@@ -235,6 +257,8 @@ def score(
         "region_f1_left": median(listed.f1_left),
         "region_f1_of": int(listed.f1.notna().sum()),
         "heldout_over_floor": median(listed.heldout),
+        "unseen_over_floor": median(listed.unseen),
+        "unseen_of": int(listed.unseen.notna().sum()),
         "confusion": confusion(table),
         "misses": [miss(r) for r in rows if not r["right"]],
     }

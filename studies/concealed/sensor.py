@@ -23,17 +23,16 @@ def low_pass(signal: Array, time_s: float) -> Array:
 def inertia(c: Context) -> Planted:
     """A mass whose force reaches 5-12 % of the peak stress in the sine."""
     form = c.pick("mass on a soft cell", "specimen's own mass")
-    accelerations = [acceleration(p.strain) for p in c.programmes]
     quickest = max(
-        float(np.abs(a[50:-50]).max())
-        for a, p in zip(accelerations, c.programmes, strict=True)
+        float(np.abs(acceleration(p.strain)[50:-50]).max())
+        for p in c.programmes
         if p.family in VIBRATING
     )
     mass = c.peak * c.amount(0.05, 0.12) / quickest
     cell_s = c.rng.uniform(0.008, 0.014)
 
     def sensor(i: int, programme: Imposed, stress: Array) -> Array:
-        force = mass * accelerations[i]
+        force = mass * acceleration(programme.strain)
         if form == "mass on a soft cell":
             return stress + low_pass(low_pass(force, cell_s), cell_s)
         # The part of the strip that moves grows thinner and longer as it stretches.

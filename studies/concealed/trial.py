@@ -19,6 +19,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pandas as pd
+
 from softnn.contracts import InputError
 from studies.common import (
     FAINT,
@@ -38,7 +41,7 @@ from studies.concealed import forge, rivals, scoring
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DIAGNOSE = [sys.executable, "-m", "softnn.cli", "diagnose"]
+SOFTNN = [sys.executable, "-m", "softnn.cli"]
 TIMED_CASES = 3  # diagnosed once more, one at a time, for the time a user waits
 
 
@@ -104,7 +107,8 @@ def run(a: argparse.Namespace) -> None:
     answers = forge.open_key(folder)
     diagnoses = scoring.read_diagnoses(answers, folder / "diagnoses")
     times = {c["case"]: scoring.read_times(c, folder / "cases") for c in answers}
-    scores = scoring.score(answers, diagnoses, times)
+    simulated = simulate_unseen(folder, answers)
+    scores = scoring.score(answers, diagnoses, times, simulated)
     explain_misses(scores["misses"], answers)
     report(folder, record, scores, a.tracking)
 
@@ -179,7 +183,7 @@ def diagnose(folder: Path, jobs: int, seed: int) -> dict[str, Any]:
     ]
     if not cases:
         return {}
-    command = [*DIAGNOSE, "--seed", str(seed), "--jobs"]
+    command = [*SOFTNN, "diagnose", "--seed", str(seed), "--jobs"]
     begun = time.perf_counter()
     out = str((folder / "diagnoses").resolve())
     done = subprocess.run([*command, str(jobs), "--out", out, *cases], check=False)
@@ -201,6 +205,35 @@ def diagnose(folder: Path, jobs: int, seed: int) -> dict[str, Any]:
         "seconds_a_case": wall / len(cases),
         "seconds_alone": sorted(single)[len(single) // 2] if single else None,
     }
+
+
+def simulate_unseen(
+    folder: Path, answers: Sequence[Mapping[str, Any]]
+) -> dict[str, np.ndarray]:
+    """Stress of the corrected models for programmes that stayed in the key, by case.
+
+    `softnn simulate` as a user calls it, but in this process. A model that cannot be
+    simulated is left out, and said.
+    """
+    from softnn.cli import main as softnn
+
+    inputs, found = folder / "unseen", {}
+    inputs.mkdir(exist_ok=True)
+    for answer in answers:
+        name = answer["case"]
+        model = folder / "diagnoses" / name / "model.json"
+        if answer["unseen"] is None or not model.exists():
+            continue
+        file = inputs / f"{name}.csv"
+        columns = {k: v for k, v in answer["unseen"].items() if k != "clean_MPa"}
+        pd.DataFrame(columns).to_csv(file, index=False)
+        code = softnn(["simulate", str(model), str(file), "--out", str(inputs / "out")])
+        if code == 0:
+            table = pd.read_csv(inputs / "out" / file.name)
+            found[name] = table["simulated_MPa"].to_numpy()
+        else:
+            print(f"{name}: softnn simulate ended with {code}", file=sys.stderr)
+    return found
 
 
 # --- what is reported -----------------------------------------------------------------
@@ -239,6 +272,13 @@ def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str,
         "heldout_over_floor",
         "held-out NRMSE over the noise, median",
         scores["heldout_over_floor"],
+        1.2,
+        least=False,
+    )
+    row(
+        "unseen_over_floor",
+        "NRMSE on an unseen programme over the noise, median",
+        scores["unseen_over_floor"],
         1.2,
         least=False,
     )
