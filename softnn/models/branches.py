@@ -17,14 +17,12 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
 from softnn.contracts import Array, Chunk, InputError
 
 Update = Literal["exact", "euler"]
 UPDATES = ("exact", "euler")
-BLOCK = 64  # samples a matrix product takes at once; 32 to 128 are equally fast
-FEW = 4  # steps below which plain NumPy is faster than either fast route
+FEW = 4  # steps up to which a chunk is left to NumPy: a controller needs no numba
 
 
 class BranchState(NamedTuple):
@@ -123,11 +121,10 @@ def respond(
                 carried = a * carried + b * k * increments[i][:, None]
                 out[i + 1] = carried.sum(axis=1)
         elif evenly(time):
-            step = (time[-1] - time[0]) / len(rest)
-            a, b = coefficients(step, tau, update)
-            for s in range(sets):
-                column = increments[:, min(s, increments.shape[1] - 1)]
-                carried[s] = _blocked(a[s], b[s] * k[s], column, carried[s], out[1:, s])
+            from softnn.models.kernels import constant
+
+            a, b = coefficients((time[-1] - time[0]) / len(rest), tau, update)
+            constant(a, b * k, increments, carried, out[1:])
         else:
             from softnn.models.kernels import irregular
 
@@ -144,37 +141,3 @@ def evenly(time_s: Array) -> bool:
     even -= time_s
     scale = max(abs(time_s[0]), abs(time_s[-1]))
     return bool(np.abs(even, out=even).max() <= 4 * np.finfo(float).eps * scale)
-
-
-def _blocked(a: Array, b: Array, increment: Array, carried: Array, out: Array) -> Array:
-    """Constant steps: every branch at once, by matrix products over blocks of samples.
-
-    Within a block the summed response is one triangular Toeplitz product; only what
-    each branch carries from block to block is a recursion, over n / BLOCK values.
-    Several times faster than a recursion per branch, and exact to rounding. Fills
-    `out` (n,) and gives the carried stresses (branches,) at the end.
-    """
-    n = len(increment)
-    length = min(BLOCK, n)
-    blocks = -(-n // length)
-    padded = np.zeros(blocks * length)
-    padded[:n] = increment
-    jumps = padded.reshape(blocks, length)
-    powers = a[:, None] ** np.arange(length + 1)  # (branches, length + 1)
-    impulse = b @ powers[:, :length]
-    lag = np.arange(length)[:, None] - np.arange(length)
-    toeplitz = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
-    fresh = jumps @ (b[:, None] * powers[:, length - 1 :: -1]).T  # (blocks, branches)
-    start = np.empty((blocks, len(a)))  # carried into each block
-    start[0] = carried
-    for j, decay in enumerate(powers[:, length]):
-        if blocks > 1:
-            start[1:, j], _ = lfilter(
-                [1.0], [1.0, -decay], fresh[:-1, j], zi=[decay * carried[j]]
-            )
-    response = jumps @ toeplitz.T
-    response += start @ powers[:, 1:]
-    out[:] = response.ravel()[:n]
-    last = n - (blocks - 1) * length  # samples in the last block
-    tail = b * (powers[:, last - 1 :: -1] @ jumps[-1, :last])
-    return powers[:, last] * start[-1] + tail
