@@ -14,7 +14,6 @@ from typing import Any
 import numba
 import numpy as np
 from scipy.signal import lfilter
-from threadpoolctl import threadpool_limits
 
 from softnn import prepare, virtual
 from softnn.contracts import Array, Chunk, InputError
@@ -58,10 +57,9 @@ def measure(
     samples: int = SAMPLES, material: str = "NR", seed: int = 0
 ) -> dict[str, float]:
     """Branch-samples a second, how many times faster than rivals, seconds of a fit."""
-    with threadpool_limits(1):
-        found = simulation(samples, seed, irregular=False)
-        found |= simulation(samples, seed, irregular=True)
-        return found | whole_fit(material, seed)
+    found = simulation(samples, seed, irregular=False)
+    found |= simulation(samples, seed, irregular=True)
+    return found | whole_fit(material, seed)
 
 
 def simulation(samples: int, seed: int, irregular: bool) -> dict[str, float]:
