@@ -173,7 +173,7 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     cells = [["-" if c is None else str(c) for c in row] for row in rows]
     columns = list(zip(header, *cells, strict=True))
     widths = [max(3, *(len(c) for c in column)) for column in columns]
-    sides = ["<" if i == 0 else ">" for i in range(len(widths))]
+    sides = [">" if _numbers(column[1:]) else "<" for column in columns]
 
     def line(row: Sequence[str]) -> str:
         padded = (f"{c:{s}{w}}" for c, s, w in zip(row, sides, widths, strict=True))
@@ -184,6 +184,10 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
         for s, w in zip(sides, widths, strict=True)
     ]
     return "\n".join([line(header), line(rules), *map(line, cells)])
+
+
+def _numbers(cells: Sequence[str]) -> bool:
+    return all(c == "-" or c.lstrip("-+")[:1].isdigit() for c in cells)
 
 
 def percent(fraction: float | None, digits: int = 2) -> str | None:

@@ -134,9 +134,9 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             texts={"inputs.md": text},
             tags={"best": best},
         )
-        print(f"\n{data.label}: best {best}\n\n{text}\n")
-        if sweep.from_store():
-            print(sweep.from_store())
+    print(f"\n{data.label}: best {best}\n\n{text}\n")
+    if sweep.from_store():
+        print(sweep.from_store())
     return {
         "material": data.material,
         "label": data.label,

@@ -157,9 +157,9 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             tags={"best": f"{best.parameters['neurons']} neurons"},
         )
         stored = sum(t.stored for t in sweep.trials)
-        print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{NOTE}")
-        for note in filter(None, [sweep.from_store(), *_notes(judged, baselines)]):
-            print(note)
+    print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{NOTE}")
+    for note in filter(None, [sweep.from_store(), *_notes(judged, baselines)]):
+        print(note)
     return {
         "material": data.material,
         "label": data.label,

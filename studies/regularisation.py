@@ -149,9 +149,9 @@ def study(
             texts={"regularisation.md": text},
             tags={"best": best},
         )
-        print(f"\n{data.label}: best on folds drawn anew {best}\n\n{text}\n")
-        if sweep.from_store():
-            print(sweep.from_store())
+    print(f"\n{data.label}: best on folds drawn anew {best}\n\n{text}\n")
+    if sweep.from_store():
+        print(sweep.from_store())
     return {
         "material": data.material,
         "label": data.label,
