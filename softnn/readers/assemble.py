@@ -18,7 +18,7 @@ from softnn.contracts import Array, InputError
 from softnn.readers import table as tables_module
 from softnn.readers.source import Source
 from softnn.readers.table import Column, Entry, Table, is_number
-from softnn.readers.units import Unit, convert, known, parse_unit
+from softnn.readers.units import Unit, known, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
     COMPRESSIVE,
@@ -31,6 +31,7 @@ from softnn.readers.vocabulary import (
     ROLES,
     SPECIMEN,
     SPEED,
+    TEST_SPEED,
     TRUE,
     plain,
     rank,
@@ -39,6 +40,7 @@ from softnn.recording import Geometry, Recording, Step
 
 # Beyond these a unit or the geometry is wrong, not the material: 100 is 10,000 %,
 # 20 GPa is beyond any wire.
+SMALLEST_MM, LARGEST_MM = 1e-6, 1e6  # of lengths and, in mm2, of sections
 MAX_STRAIN = 100.0
 MAX_STRESS = 20_000.0
 DISAGREE = 3.0  # a column against force / area or displacement / length
@@ -81,8 +83,10 @@ class ReadOptions:
         for item in fields(self):
             value = getattr(self, item.name)
             if isinstance(value, float | int) and not isinstance(value, bool):
-                if not (np.isfinite(value) and value > 0):
-                    raise InputError(f"{item.name} is {value}; allowed is above 0")
+                if not 1e-9 < value < 1e9:
+                    raise InputError(
+                        f"{item.name} is {value}; allowed is above 0, below 1e9"
+                    )
         if self.decimal not in ("", ".", ","):
             raise InputError(f"decimal is {self.decimal!r}; allowed is '.' or ','")
 
@@ -533,8 +537,8 @@ class Header:
         for name, entry in self.unclear.items():
             if name.startswith(words):
                 raise InputError(
-                    f"the header's {entry.key!r} is {entry.value!r} in "
-                    f"{entry.unit or 'no unit'!r}, unknown here; "
+                    f"the header's {entry.key!r} is {entry.value!r} "
+                    f"{entry.unit or '(no unit)'}, no size known here; "
                     f"give --{name.split('_')[0]} in mm or mm2"
                 )
 
@@ -544,6 +548,7 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
     values: dict[str, float] = {}
     unclear: dict[str, Entry] = {}
     speeds: list[float] = []
+    main_speeds: list[float] = []
     lengths: list[tuple[int, float, str]] = []
     specimen = material = ""
     for entry in header:
@@ -557,7 +562,8 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
             continue
         unit = parse_unit(entry.unit)
         if SPEED.search(key) and unit is not None and unit.dimension == "speed":
-            speeds.append(number * unit.factor)
+            where = main_speeds if TEST_SPEED.search(key) else speeds
+            where.append(number * unit.factor)
         if NOT_GEOMETRY.search(key):
             continue
         places = [i for i, p in enumerate(LENGTHS) if p.search(key)]
@@ -573,18 +579,23 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
                 if unit is None:
                     unclear.setdefault(name, entry)
                 continue
-            value = convert(number, entry.unit, dimension, entry.key)
-            if np.isfinite(value) and value > 0:  # machines write 0 for "not entered"
-                values[name] = value
+            value = number * unit.factor
+            if value > 0:  # machines write 0 for "not entered"
+                if SMALLEST_MM < value < LARGEST_MM:
+                    values[name] = value
+                else:
+                    unclear.setdefault(name, entry)
             break
-    lengths = [found for found in lengths if np.isfinite(found[1]) and found[1] > 0]
+    lengths = [found for found in lengths if SMALLEST_MM < found[1] < LARGEST_MM]
     notes: tuple[str, ...] = ()
     if lengths:
         # the first of the surest kind
         _, values["length_mm"], key = min(lengths, key=lambda found: found[0])
         if len({length for _, length, _ in lengths}) > 1:
             notes = (f"of {len(lengths)} lengths in the header, {key!r} is used",)
-    return Header(values, unclear, tuple(speeds), specimen, material, notes)
+    return Header(
+        values, unclear, tuple(main_speeds or speeds), specimen, material, notes
+    )
 
 
 def header_number(text: str) -> float | None:

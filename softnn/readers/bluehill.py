@@ -20,8 +20,6 @@ NAME = "Instron Bluehill"
 
 
 def recognises(source: Source) -> bool:
-    if not source.is_text:
-        return False
     if re.search(r"^\W*(Results Table \d|Specimen properties ?:)", source.head, re.M):
         return True
     rows = [[str(c) for c in row if c != ""] for row in source.top]

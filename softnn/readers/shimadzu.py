@@ -20,7 +20,8 @@ NAME = "Shimadzu Trapezium"
 def recognises(source: Source) -> bool:
     if not source.is_text:
         return False
-    rows = [row for row in source.top if any(row)]
+    # a file may begin with the names, without a row of specimens above
+    rows = [[], *(row for row in source.top if any(row))]
     return any(_is_header(rows[i : i + 4]) for i in range(min(len(rows) - 3, 12)))
 
 
@@ -41,7 +42,6 @@ def _is_header(rows: Grid) -> bool:
         and not any("(" in c for c in units)
         # the titles stand over the first columns of their specimens, nowhere else
         and {k for k, c in enumerate(title) if c} <= set(clocks)
-        and any(title)
         and is_number(values[clocks[0]] if clocks[0] < len(values) else "")
     )
 

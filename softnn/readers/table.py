@@ -316,7 +316,7 @@ def _block(
                 file=file,
                 row=lines[k],
             )
-    if i == len(grid) and len(rows) > 2 and _cut_off(rows):
+    if i == len(grid) and len(rows) > 1 and _cut_off(rows):
         rows, lines = rows[:-1], lines[:-1]
         notes = (*notes, f"row {i}, the last, may be cut off and is left out")
     return i, rows, lines, notes

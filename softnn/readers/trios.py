@@ -142,6 +142,9 @@ def one_test(
             offset += float(np.nanmax(time))
     left = len(tables) - len(tests)
     notes = list(tests[0].notes)
+    named = [e.value.count("#") + 1 for e in tests[0].header if "segments" in e.key]
+    if named and named[0] > len(tables):
+        notes.append(f"the details name {named[0]} steps, {len(tables)} are there")
     if len(tests) > 1:
         notes.append(f"{len(tests)} steps joined into one test")
     if left:

@@ -43,7 +43,7 @@ _ROLES = {
     ),
     "strain": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstrain\b",
-        r"\b(strain|dehnung|stauchung|deform\w*|epsilon)\b|"
+        r"\b(strain|dehnung|stauchung|verformung|deform\w*|epsilon)\b|"
         "[\u5e94\u61c9]\u53d8|\u3072\u305a\u307f|\u6b6a\u307f",
         r"\b(elongation|allongement|extension|alargamiento|allungamento|ave)\b|"
         r"\b(\w*verlangerung|estensione)\b|\u4f38\u957f|\u5ef6\u4f38",
@@ -57,7 +57,7 @@ _ROLES = {
         "\u4f4d\u79fb|\u884c\u7a0b|\u4f38\u957f|\u5ef6\u4f38|\u5909\u4f4d|\u30b9\u30c8\u30ed\u30fc\u30af",
         r"\bcrosshead\b(?!.*absolut)|\btravers\w*\b(?!.*absolut)",
         r"\b(position|pos|gap|size|hub|height)\b|\babsol\w*\b",
-        r"\b(capteur|dehnung|stauchung|deform\w*|extensometer|lvdt|strain)\b|\u53d8\u5f62",
+        r"\b(capteur|dehnung|stauchung|verformung|deform\w*|extensometer|lvdt|strain)\b|\u53d8\u5f62",
     ),
     "temperature": (r"^t$|\btemp(erat\w*)?\b|\u6e29\u5ea6",),
 }
@@ -108,6 +108,8 @@ LENGTHS = tuple(
     map(
         re.compile,
         (
+            # Zwick: what belongs to the standard travel, before other gauge lengths
+            r"\b(standard travel|standardweg|course standard)\b",
             r"\bgau?ge length\b|\bmesslange\b|^l ?[0co]\b|\bausgangslange\b|"
             r"\b(initial|original) length\b|\blongueur (de base|initiale|utile)\b|"
             r"\blongitud (calibrada|inicial)\b|\blunghezza (utile|iniziale)\b|"
@@ -123,11 +125,16 @@ LENGTHS = tuple(
 )
 NOT_GEOMETRY = re.compile(
     r"\b(final|end|break|bruch|change|after|unit|path|wave|cable|compensation|"
-    r"reduction|max|min|constant|load cell|calibration|plate)\b"
+    r"reduction|max|min|maximum|constant|load cell|calibration|plate|rollers?|inner|"
+    r"outer|correction|factor|total|beam|span|innen\w*|aussen\w*)\b"
 )
 SPEED = re.compile(
     r"\bspeed\b|\brate( 1)?\b|geschwindigkeit\b|\bvitesse\b|\bvelocidad\b|\bvelocita\b|"
     r"^v ?\d$|\u901f\u5ea6"
+)
+# The speed of the test itself, where the header also has those of its phases.
+TEST_SPEED = re.compile(
+    r"^(test|crosshead) speed\b|\bprufgeschwindigkeit\b|^rate 1$|^vitesse d essai\b"
 )
 SPECIMEN = re.compile(
     r"\b(specimen|sample) (label|name|id|designation|identification)\b|^test run\b|"
