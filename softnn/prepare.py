@@ -214,7 +214,9 @@ def _toe(
         return none
     slack = np.arange(len(x)) < begin
     slack &= x <= shift
-    carried = np.mean(y[slack] - y[0]) - 2 * error / np.sqrt(slack.sum())
+    count = int(slack.sum())
+    level = np.median(y[slack][: max(count // 4, 3)])  # the zero of the load cell
+    carried = np.mean(y[slack]) - level - 2 * error / np.sqrt(count)
     if carried > loose * modulus * np.mean(x[slack] - x[0]):
         return none
     return begin, float(shift), float(modulus)
@@ -340,7 +342,7 @@ def smooth(
         "guard": guard,
         "peak_to_peak_MPa": level,
         "one_second": second,
-        "noise_MPa": max(noise(y), _quantum(y) / np.sqrt(12)) if level > 0 else 0.0,
+        "noise_MPa": max(noise(y), _quantum(y) / np.sqrt(12)),
     }
     allowed = guard * found["noise_MPa"]
     window = min(second, len(y) - 1 + len(y) % 2) if level > 0 else 0
@@ -361,9 +363,10 @@ def _largest_rms(values: Array, chunk: int) -> float:
 
 
 def _quantum(values: Array) -> float:
-    """The smallest step there is in the values, 0 without any."""
+    """The smallest step of values that repeat themselves, 0 where they do not."""
     steps = np.abs(np.diff(values))
-    return float(steps[steps > 0].min()) if steps.any() else 0.0
+    coarse = np.mean(steps == 0) > 0.05 and steps.any()
+    return float(steps[steps > 0].min()) if coarse else 0.0
 
 
 def peak_to_peak(values: Array) -> float:
@@ -533,7 +536,7 @@ def segments(
     x = -x if -away.min() > away.max() else x
     reach = float(np.ptp(x))
     step = max(5e-3 * reach, 6 * noise(x))
-    if step >= reach:  # nothing but noise
+    if 2 * step >= reach:  # nothing but noise
         return [Segment("hold", 1, 0, len(x))]
     loading = _loading(x, _marks(x, step), reversal * reach)
     kinds = np.where(loading, LOADING, UNLOADING)

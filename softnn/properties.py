@@ -128,7 +128,8 @@ def _first_range(x: Array, y: Array, bend: float, noise: float) -> int:
         y3 = y3 - both / square * y2
         bent = np.sqrt((y2**2 / square + y3**2 / cube) / n)
         rise = np.abs(y1 / centred(1, 1) * u)
-    doubt = 3 * noise / np.sqrt(n)
+    # A crosshead that starts shakes the load: the first samples may be noisier.
+    doubt = 3 * max(noise, prepare.noise(y[:32])) / np.sqrt(n)
     straight = np.flatnonzero(bent <= np.maximum(bend * rise, doubt))
     straight = straight[straight >= 5]
     if not straight.size:
@@ -308,7 +309,7 @@ def relaxation(recording: Recording) -> Relaxation:
             file=recording.source or recording.name or None,
         )
     ramp, hold = found[0]
-    hold = _whole_hold(recording.strain, hold, parts[parts.index(hold) + 1 :])
+    hold = _whole_hold(recording, hold, parts[parts.index(hold) + 1 :])
     y = sign * recording.stress_MPa
     top = ramp.start + int(np.nanargmax(y[ramp.start : hold.stop]))
     start = float(np.nanmedian(y[max(top - 1, 0) : top + 2]))
@@ -326,18 +327,22 @@ def relaxation(recording: Recording) -> Relaxation:
 
 
 def _whole_hold(
-    strain: Array, hold: prepare.Segment, after: Sequence[prepare.Segment]
+    recording: Recording, hold: prepare.Segment, after: Sequence[prepare.Segment]
 ) -> prepare.Segment:
-    """The hold with what follows while the strain stays about where it is held.
+    """The hold with later ones at the same strain that follow all but at once.
 
-    A noisy strain reads as a hold in pieces: 2 % of the range is not yet a ramp.
+    A noisy strain reads as a hold in pieces. The same strain is within 2 % of the
+    range; at once is within 5 % of the time held.
     """
+    time, strain = recording.time_s, recording.strain
     level = np.median(strain[hold.start : hold.stop])
     for part in after:
-        inside = np.abs(strain[part.start : part.stop] - level)
-        if part.kind != "hold" and inside.max() > 0.1 * np.ptp(strain):
-            break
-        if np.median(inside) > 0.02 * np.ptp(strain):
+        if part.kind != "hold":
+            continue
+        apart = abs(np.median(strain[part.start : part.stop]) - level)
+        gap = time[part.start] - time[hold.stop - 1]
+        held = time[part.stop - 1] - time[hold.start]
+        if apart > 0.02 * np.ptp(strain) or gap > 0.05 * held:
             break
         hold = replace(hold, stop=part.stop)
     return hold

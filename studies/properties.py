@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         ) as tracker:
             metrics = {k: v for k, v in headline.items() if not isinstance(v, str)}
             tracker.result(
-                metrics, note=text, files=figures, texts={f"{name}.md": text}
+                metrics, note=noted(headline), files=figures, texts={f"{name}.md": text}
             )
         print(f"\nresult: {path}; figures: {len(figures) // 2} beside it; runs: {uri}")
 

@@ -33,31 +33,33 @@ def of_virtual(drawn: Mapping[str, Any]) -> dict[str, Figure]:
 
 
 def curves(found: Mapping[str, Sequence[Properties]]) -> Figure:
-    """Figs 4.6 to 4.9: mean curve of each speed, its initial part as an inset."""
-    columns = min(3, len(found))
-    rows = -(-len(found) // columns)
-    figure = new_figure(3.4 * columns, 2.7 * rows + 0.3)
+    """Figs 4.6 to 4.9: mean curve of each speed, whole and its initial part."""
+    columns = 2 * min(2, len(found))
+    rows = -(-2 * len(found) // columns)
+    figure = new_figure(2.6 * columns, 2.1 * rows + 0.3)
     for i, (name, group) in enumerate(found.items()):
-        axes = figure.add_subplot(rows, columns, i + 1)
-        inset = axes.inset_axes((0.56, 0.1, 0.42, 0.38))
+        whole = figure.add_subplot(rows, columns, 2 * i + 1)
+        initial = figure.add_subplot(rows, columns, 2 * i + 2)
         for p in group:
             speed = _speed(name, p)
             colour = BY_SPEED[speed]
             label = f"{speed} mm/min, {p.specimens}"
-            axes.plot(p.mean.strain, p.mean.stress_MPa, color=colour, label=label)
             first = p.mean.strain <= INITIAL
-            inset.plot(p.mean.strain[first], p.mean.stress_MPa[first], color=colour)
-        axes.set_title(name)
-        axes.set_xlim(left=0)
-        axes.set_ylim(0, 1.25 * axes.get_ylim()[1])
-        axes.legend(fontsize=7, loc="upper left", borderaxespad=0.1, labelspacing=0.2)
-        inset.tick_params(labelsize=6)
-        inset.set_xlim(0, INITIAL)
-        inset.set_ylim(bottom=0)
-        if i % columns == 0:
-            axes.set_ylabel("stress [MPa]")
-        if i >= len(found) - columns:
-            axes.set_xlabel("strain")
+            for axes, part in ((whole, slice(None)), (initial, first)):
+                x, y = p.mean.strain[part], p.mean.stress_MPa[part]
+                axes.plot(x, y, color=colour, label=label)
+        whole.set_title(name)
+        initial.set_title(f"{name}, initial part")
+        whole.legend(fontsize=7, loc="upper left", labelspacing=0.2)
+        whole.set_xlim(left=0)
+        whole.set_ylim(0, 1.25 * whole.get_ylim()[1])
+        initial.set_xlim(0, INITIAL)
+        initial.set_ylim(bottom=0)
+        if 2 * i % columns == 0:
+            whole.set_ylabel("stress [MPa]")
+        if 2 * i >= 2 * len(found) - columns:
+            whole.set_xlabel("strain")
+            initial.set_xlabel("strain")
     _title(figure, "Virtual specimens: mean curves; speed, number of specimens")
     return figure
 
@@ -131,29 +133,34 @@ def relaxation(
     tests: Mapping[str, Sequence[tuple[list[Recording], list[Any]]]],
 ) -> Figure:
     """Figs 4.17 and 4.18: stress in the hold, 180 and 15 minutes, over log time."""
-    figure = new_figure(7.2, 5.4)
-    panels = figure.subplots(2, 2, sharex="col")
-    soft = ("PR", "NatR")
-    for row, names in enumerate(
-        ([n for n in tests if n not in soft], [n for n in tests if n in soft])
-    ):
-        for column, long in enumerate((True, False)):
-            axes = panels[row, column]
+    apart = [[n] for n in tests if n in ("PR", "NatR")]  # much softer, much longer
+    together = [n for n in tests if [n] not in apart]
+    groups = [g for g in [together, *apart] if g]
+    figure = new_figure(7.6, 2.2 * len(groups) + 0.9)
+    heights = [1.7 if len(g) > 1 else 1.0 for g in groups]
+    panels = figure.subplots(
+        len(groups), 2, squeeze=False, gridspec_kw={"height_ratios": heights}
+    )
+    for row, names in zip(panels, groups, strict=True):
+        for axes, long in zip(row, (True, False), strict=True):
             for name, colour in zip(names, COLOURS, strict=False):
                 for recordings, results in tests[name]:
                     if (results[0].hold_s > 3600) == long:
                         _hold(axes, name, recordings, results, colour)
+            if not axes.lines:
+                axes.set_visible(False)
+                continue
             axes.set_xscale("log")
             axes.set_ylim(bottom=0)
             axes.set_xlim(left=0.1)
             axes.grid(color=FAINT, alpha=0.2, linewidth=0.6)
-            if row == 0:
-                axes.set_title("180 minutes" if long else "15 minutes")
-            else:
-                axes.set_xlabel("time held [s]")
-            if column == 0:
-                axes.set_ylabel("stress [MPa]")
-    _title(figure, "Virtual specimens: stress relaxation, at the strain held")
+            axes.set_title("180 minutes" if long else "15 minutes")
+            axes.set_xlabel("time held [s]")
+            axes.set_ylabel("stress [MPa]")
+            legend = axes.legend(fontsize=7, loc="lower left", labelspacing=0.2)
+            for line in legend.get_lines():
+                line.set_linewidth(2)
+    _title(figure, "Virtual specimens: stress relaxation; material, strain held")
     return figure
 
 
@@ -167,9 +174,6 @@ def _hold(
         time = recording.time_s[top + 1 :] - recording.time_s[top]
         axes.plot(time, y[top + 1 :], color=colour, linewidth=0.7, label=label)
         label = None
-    legend = axes.legend(fontsize=7, loc="best", labelspacing=0.2)
-    for line in legend.get_lines():
-        line.set_linewidth(2)
 
 
 def _speed(name: str, p: Properties) -> int:

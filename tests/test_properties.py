@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
 from softnn import properties
 from softnn.contracts import InputError
+from softnn.readers.tidy import read_folder
 from softnn.recording import Recording
+from studies import property_sets
 
 
 def curve(stress_of, ultimate=2.0, n=2001, noise=0.0, scale=1.0, **about):
@@ -201,3 +204,50 @@ def test_a_staircase_gives_its_first_hold():
     p = properties.relaxation(Recording(time, strain, stress))
     assert p.hold_s == pytest.approx(40, abs=0.5)
     assert p.strain == pytest.approx(0.2)
+
+
+# --- real recordings -----------------------------------------------------------------
+
+
+def test_ultimate_values_of_real_elastomers_are_those_of_the_index(data_folder):
+    """19 pulls to failure; five files have a time that counts 40.9, 40.1, 40.11 s."""
+    folder = data_folder / "soft-robotics-elastomers-pull"
+    index = pd.read_csv(folder / "index.csv").set_index("file")
+    found = property_sets.of_set(folder.name)
+    assert len(found["time_rebuilt"]) == 5
+    assert len(found["tensile"]) == len(index) == 19
+    for row in found["tensile"]:
+        listed = index.loc[f"tidy/{row['name']}.csv"]
+        assert row["ultimate_stress"] == pytest.approx(listed.peak_stress_MPa, rel=5e-3)
+        # A negative load at the start is taken off, slack before it too.
+        assert row["ultimate_strain"] == pytest.approx(listed.max_strain, rel=0.01)
+        assert 0.001 < row["E_small"] < 5
+
+
+def test_real_relaxation_grows_with_the_rate_of_the_ramp(data_folder):
+    """Rubber at three rates a decade apart: the faster ramp leaves more to relax."""
+    folder = data_folder / "rubber-compression-relaxation"
+    index = pd.read_csv(folder / "index.csv").set_index("file")
+    by_rate = {}
+    for recording in read_folder(folder):
+        p = properties.relaxation(recording)
+        peak = index.loc[f"tidy/{recording.name}.csv"].peak_stress_MPa
+        assert p.stress_start_MPa == pytest.approx(abs(peak), rel=0.01)
+        assert p.hold_s == pytest.approx(120, rel=0.02)
+        assert p.strain == pytest.approx(0.2, rel=0.01)
+        size = recording.name.split("_")[0]
+        decade = round(np.log10(recording.rate_per_s / 6.3e-4))
+        by_rate.setdefault((size, decade), []).append(p.relaxed_percent)
+    for size in ("large", "small"):
+        slow, middle, fast = (by_rate[size, decade] for decade in (0, 1, 2))
+        assert max(slow) < min(middle)
+        assert max(middle) < min(fast)
+
+
+def test_real_holds_of_half_an_hour(data_folder):
+    for recording in read_folder(data_folder / "vhb4910-zhao"):
+        if recording.test == "relaxation":
+            p = properties.relaxation(recording)
+            assert p.hold_s == pytest.approx(1800, rel=0.01)
+            assert p.strain == pytest.approx(recording.strain.max(), rel=0.03)
+            assert 0 < p.time_s < 180  # most of it goes in the first tenth
