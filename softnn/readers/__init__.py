@@ -28,7 +28,7 @@ from softnn.readers import (
     wavematrix,
     zwick,
 )
-from softnn.readers.assemble import ReadOptions
+from softnn.readers.options import ReadOptions
 from softnn.readers.source import open_source
 from softnn.recording import Recording
 

@@ -8,30 +8,26 @@ the recording's log, and what is missing is an error that names the option.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from softnn.contracts import Array, InputError
-from softnn.readers import table as tables_module
+from softnn.readers.columns import Column
+from softnn.readers.header import header_geometry
+from softnn.readers.numbers import decimal_mark, numbers
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
-from softnn.readers.table import Column, Entry, Table, is_number
+from softnn.readers.table import Table, find_tables, has_role
 from softnn.readers.units import Unit, known, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
     COMPRESSIVE,
     DIMENSION,
-    GEOMETRY,
     HEIGHT,
-    LENGTHS,
-    MATERIAL,
-    NOT_GEOMETRY,
     ROLES,
-    SPECIMEN,
-    SPEED,
-    TEST_SPEED,
     TRUE,
     plain,
     rank,
@@ -40,81 +36,9 @@ from softnn.recording import Geometry, Recording, Step
 
 # Beyond these a unit or the geometry is wrong, not the material: 100 is 10,000 %,
 # 20 GPa is beyond any wire.
-SMALLEST_MM, LARGEST_MM = 1e-6, 1e6  # of lengths and, in mm2, of sections
 MAX_STRAIN = 100.0
 MAX_STRESS = 20_000.0
 DISAGREE = 3.0  # a column against force / area or displacement / length
-
-
-@dataclass(frozen=True)
-class ReadOptions:
-    """What a file does not say, or says wrongly. None and "" leave it to the file.
-
-    Geometry in mm and mm2, `rate_per_s` the nominal strain rate [1/s]; without a time
-    column it gives the time too, from strain, as `interval_s` [s] between samples
-    does, which also replaces a faulty clock. `time` ... `temperature` name the column
-    to use; `units` gives units by column name, `{"Force": "kN"}`. `compression`: the
-    file counts compression positive. `skip_bad_cells`: cells that are no numbers are
-    missing values.
-    """
-
-    length_mm: float | None = None
-    area_mm2: float | None = None
-    width_mm: float | None = None
-    thickness_mm: float | None = None
-    diameter_mm: float | None = None
-    rate_per_s: float | None = None
-    interval_s: float | None = None
-    time: str = ""
-    force: str = ""
-    displacement: str = ""
-    strain: str = ""
-    stress: str = ""
-    temperature: str = ""
-    units: dict[str, str] = field(default_factory=dict)
-    decimal: str = ""
-    compression: bool = False
-    skip_bad_cells: bool = False
-    specimen: str = ""
-    material: str = ""
-    test: str = ""
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, float | int) and not isinstance(value, bool):
-                if not 1e-9 < value < 1e9:
-                    raise InputError(
-                        f"{item.name} is {value}; allowed is above 0, below 1e9"
-                    )
-        if self.decimal not in ("", ".", ","):
-            raise InputError(f"decimal is {self.decimal!r}; allowed is '.' or ','")
-
-    @property
-    def has_area(self) -> bool:
-        return self.geometry.area is not None
-
-    @property
-    def geometry(self) -> Geometry:
-        return Geometry(**{f.name: getattr(self, f.name) for f in fields(Geometry)})
-
-
-@dataclass(frozen=True)
-class Rules:
-    """What a dialect knows beyond names and units.
-
-    `columns`: role -> plain names, to use in place of the vocabulary's choice.
-    `ignore`: plain names that mislead. `compression`: positive is compression.
-    `unitless`: dimensionless columns are fractions although no unit says so.
-    """
-
-    dialect: str
-    columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    ignore: tuple[str, ...] = ()
-    compression: bool = False
-    unitless: bool = False
-    geometry: dict[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
 
 
 def assemble(
@@ -240,9 +164,7 @@ class _Assembly:
             return None
         i, unit = found
         column = self.table.columns[i]
-        values, bad = tables_module.numbers(
-            self.table, i, self.decimal, self.options.skip_bad_cells
-        )
+        values, bad = numbers(self.table, i, self.decimal, self.options.skip_bad_cells)
         if bad:
             self.notes.append(f"{bad} cells of {column.name!r} are no numbers: missing")
         infinite = ~np.isfinite(values) & ~np.isnan(values)
@@ -521,100 +443,6 @@ class _Assembly:
             )
 
 
-@dataclass(frozen=True)
-class Header:
-    """Facts of the header: geometry in mm, speeds in mm/s, names."""
-
-    values: dict[str, float]
-    unclear: dict[str, Entry]
-    speeds: tuple[float, ...]
-    specimen: str
-    material: str
-    notes: tuple[str, ...] = ()
-
-    def refuse_unknown(self, words: tuple[str, ...]) -> None:
-        """Raise for a geometry line whose unit is not known, when it is needed."""
-        for name, entry in self.unclear.items():
-            if name.startswith(words):
-                raise InputError(
-                    f"the header's {entry.key!r} is {entry.value!r} "
-                    f"{entry.unit or '(no unit)'}, no size known here; "
-                    f"give --{name.split('_')[0]} in mm or mm2"
-                )
-
-
-def header_geometry(header: tuple[Entry, ...]) -> Header:
-    """Length, section, speeds and names out of header lines, where they say so."""
-    values: dict[str, float] = {}
-    unclear: dict[str, Entry] = {}
-    speeds: list[float] = []
-    main_speeds: list[float] = []
-    lengths: list[tuple[int, float, str]] = []
-    specimen = material = ""
-    for entry in header:
-        key = plain(entry.key)
-        if SPECIMEN.search(key):
-            specimen = specimen or entry.value
-        elif MATERIAL.search(key):
-            material = material or entry.value
-        number = header_number(entry.value)
-        if number is None:
-            continue
-        unit = parse_unit(entry.unit)
-        if SPEED.search(key) and unit is not None and unit.dimension == "speed":
-            where = main_speeds if TEST_SPEED.search(key) else speeds
-            where.append(number * unit.factor)
-        if NOT_GEOMETRY.search(key):
-            continue
-        places = [i for i, p in enumerate(LENGTHS) if p.search(key)]
-        if places and unit is not None and unit.dimension == "length":
-            lengths.append((places[0], number * unit.factor, entry.key))
-        elif places and unit is None:
-            unclear.setdefault("length_mm", entry)
-        for name, pattern in GEOMETRY.items():
-            if places or not pattern.search(key) or name in values:
-                continue
-            dimension = "area" if name == "area_mm2" else "length"
-            if unit is None or unit.dimension != dimension:
-                if unit is None:
-                    unclear.setdefault(name, entry)
-                continue
-            value = number * unit.factor
-            if value > 0:  # machines write 0 for "not entered"
-                if SMALLEST_MM < value < LARGEST_MM:
-                    values[name] = value
-                else:
-                    unclear.setdefault(name, entry)
-            break
-    lengths = [found for found in lengths if SMALLEST_MM < found[1] < LARGEST_MM]
-    notes: tuple[str, ...] = ()
-    if lengths:
-        # the first of the surest kind
-        _, values["length_mm"], key = min(lengths, key=lambda found: found[0])
-        if len({length for _, length, _ in lengths}) > 1:
-            notes = (f"of {len(lengths)} lengths in the header, {key!r} is used",)
-    return Header(
-        values, unclear, tuple(main_speeds or speeds), specimen, material, notes
-    )
-
-
-def header_number(text: str) -> float | None:
-    """A number of a header, in either decimal mark, or None.
-
-    >>> header_number("0,399"), header_number("strip 7")
-    (0.399, None)
-    """
-    if not text or not is_number(text):
-        return None
-    # A lone comma in a header is a decimal one: no specimen is 1,000 mm wide.
-    if "," in text and "." not in text and text.count(",") == 1:
-        text = text.replace(",", ".")
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
 def recordings(
     tables: list[Table], rules: Rules, options: ReadOptions, file: Path
 ) -> list[Recording]:
@@ -628,7 +456,7 @@ def recordings(
             "force or stress, and displacement or strain",
             file=file,
         )
-    decimal = options.decimal or tables_module.decimal_mark(tables, file)
+    decimal = options.decimal or decimal_mark(tables, file)
     chosen = [t for t in tables if _is_test(t, options)]
     if not chosen:
         chosen = [max(tables, key=lambda t: len(t.rows))]
@@ -641,10 +469,7 @@ def recordings(
 
 def _is_test(table: Table, options: ReadOptions) -> bool:
     def has(*roles: str) -> bool:
-        return any(
-            getattr(options, role) or tables_module.has_role(table, role)
-            for role in roles
-        )
+        return any(getattr(options, role) or has_role(table, role) for role in roles)
 
     timed = has("time") or options.interval_s or options.rate_per_s
     return bool(
@@ -660,7 +485,7 @@ def read_source(source: Source, rules: Rules, options: ReadOptions) -> list[Reco
     tables = [
         table
         for sheet in source.sheets
-        for table in tables_module.find_tables(
+        for table in find_tables(
             sheet.grid, source.path, sheet.name if not source.is_text else ""
         )
     ]

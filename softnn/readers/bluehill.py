@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import re
 
-from softnn.readers.assemble import ReadOptions, Rules, read_source
+from softnn.readers.assemble import read_source
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.units import parse_unit
 from softnn.recording import Recording

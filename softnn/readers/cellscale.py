@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from softnn.contracts import InputError
-from softnn.readers.assemble import ReadOptions, Rules, recordings
+from softnn.readers.assemble import recordings
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.table import Table, find_tables
 from softnn.recording import Recording

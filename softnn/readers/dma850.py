@@ -10,7 +10,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from softnn.readers.assemble import ReadOptions, Rules, recordings
+from softnn.readers.assemble import recordings
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.trios import one_test, steps
 from softnn.recording import Recording

@@ -8,7 +8,8 @@ static test of the machine (`F stat.`, `Strain stat`, `Stress stat`, `Time`) is 
 from __future__ import annotations
 
 from softnn.contracts import InputError
-from softnn.readers.assemble import ReadOptions, Rules, read_source
+from softnn.readers.assemble import read_source
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.recording import Recording
 

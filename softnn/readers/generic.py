@@ -7,7 +7,8 @@ or in a row below it.
 
 from __future__ import annotations
 
-from softnn.readers.assemble import ReadOptions, Rules, read_source
+from softnn.readers.assemble import read_source
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.recording import Recording
 

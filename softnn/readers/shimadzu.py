@@ -7,9 +7,10 @@ A row of specimen names, each over its first column, a row of quoted names (`Tim
 
 from __future__ import annotations
 
-from softnn.readers.assemble import ReadOptions, Rules, read_source
+from softnn.readers.assemble import read_source
+from softnn.readers.columns import is_number
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Grid, Source
-from softnn.readers.table import is_number
 from softnn.readers.units import parse_unit
 from softnn.readers.vocabulary import plain, rank
 from softnn.recording import Recording

@@ -11,36 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from softnn.contracts import Array, InputError
-from softnn.readers.source import NUMBER, Cell, Grid
+from softnn.readers.columns import Column, is_number, split_name
+from softnn.readers.header import Entry, entries
+from softnn.readers.source import Cell, Grid
 from softnn.readers.units import parse_unit, unit_text
 from softnn.readers.vocabulary import plain, rank
-
-_BRACKETS = re.compile(r"^(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\.?$", re.DOTALL)
-_LOOSE = re.compile(r"^(.*\S)(?:\s*/\s*|\s+in\s+|\s*,\s*|_)(\S+)$")
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column's name and its unit as written, "" where none is."""
-
-    name: str
-    unit: str
-
-    @property
-    def plain(self) -> str:
-        return plain(self.name)
-
-    def __str__(self) -> str:
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One line of a header: `Specimen width; 6; mm`."""
-
-    key: str
-    value: str
-    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,15 +37,6 @@ class Table:
 
     def cells(self, index: int) -> list[Cell]:
         return [row[index] if index < len(row) else "" for row in self.rows]
-
-
-def is_number(cell: Cell) -> bool:
-    """Whether a cell holds a number, in either decimal mark.
-
-    >>> is_number(1.0), is_number("1,5e-05"), is_number("(N)"), is_number("")
-    (True, True, False, False)
-    """
-    return not isinstance(cell, str) or NUMBER.fullmatch(cell) is not None
 
 
 def _filled(row: Sequence[Cell]) -> list[Cell]:
@@ -100,25 +66,6 @@ def _is_units(row: Sequence[Cell]) -> bool:
     return 2 * known >= len(filled) or framed == len(filled)
 
 
-def split_name(text: str) -> Column:
-    """A name with its unit: `Force (kN)`, `C_1_Temps[s]`, `Force_N`, `Kraft in N`.
-
-    Loose forms count only when the last word is a unit; brackets always do.
-
-    >>> split_name("Force (kN)"), split_name("Size_mm")
-    (Column(name='Force', unit='kN'), Column(name='Size', unit='mm'))
-    """
-    text = text.strip()
-    match = _BRACKETS.match(text)
-    if match and match[1].strip():
-        return Column(match[1].strip(), match[2].strip() or "-")
-    match = _LOOSE.match(text)
-    # `Strain_1` is a name with a number, not a strain in units of one.
-    if match and parse_unit(match[2]) and not match[2].isdigit():
-        return Column(match[1].strip(), match[2])
-    return Column(text, "")
-
-
 def _columns(names: Sequence[Cell], units: Sequence[Cell] | None) -> tuple[Column, ...]:
     if units is None:
         return tuple(split_name(str(n)) for n in names)
@@ -127,39 +74,6 @@ def _columns(names: Sequence[Cell], units: Sequence[Cell] | None) -> tuple[Colum
         unit = str(units[i]) if i < len(units) else ""
         pairs.append(Column(str(name), unit_text(unit) if unit else ""))
     return tuple(pairs)
-
-
-def entries(rows: Sequence[Sequence[Cell]]) -> tuple[Entry, ...]:
-    """Header lines as key, value, unit, whichever way they are written."""
-    found = []
-    for row in rows:
-        cells = [str(c) for c in row]
-        filled = [c for c in cells if c]
-        if not filled:
-            continue
-        key, rest = filled[0], filled[1:]
-        if not rest or (
-            ":" in key
-            and not key.rstrip().endswith(":")
-            and len(rest) == 1
-            and parse_unit(rest[0])
-        ):
-            # `Thickness (1): 0.1 mm` in one cell
-            if ":" not in key:
-                continue
-            key, value = key.split(":", 1)
-            rest = [value.strip(), *rest]
-        key = key.rstrip(": ")
-        key = key.rsplit(" : ", 1)[-1]  # Bluehill: `Specimen properties : Width`
-        named = split_name(key)
-        value, unit = rest[0], rest[1] if len(rest) > 1 else ""
-        match = re.fullmatch(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*([^\d\s.,].*)", value)
-        if match and parse_unit(match[2]):
-            value, unit = match[1], match[2]
-        if not unit and parse_unit(named.unit):
-            key, unit = named.name, named.unit
-        found.append(Entry(key, value, unit))
-    return tuple(found)
 
 
 def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
@@ -215,6 +129,7 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
         label = ""
         if above and above[-1] == names_at - 1 and len(_filled(grid[above[-1]])) == 1:
             label = str(_filled(grid[above[-1]])[0]).strip("# ")
+            label = "" if re.search("[:=]", label) else label  # a line of the header
         table = Table(
             file,
             _columns(names, units),
@@ -359,103 +274,6 @@ def _side_by_side(table: Table, title: Sequence[Cell]) -> list[Table]:
             )
         )
     return [p for p in parts if p.rows]
-
-
-def numbers(
-    table: Table, index: int, decimal: str, skip_bad: bool = False
-) -> tuple[Array, int]:
-    """A column as floats, blank as NaN, and how many bad cells were skipped.
-
-    Raises `InputError`, with the row, for a cell that is no number, unless `skip_bad`.
-    """
-    cells = table.cells(index)
-    if not any(isinstance(c, str) for c in cells):
-        return np.array(cells, dtype=float), 0
-    texts = [c if isinstance(c, str) else repr(c) for c in cells]
-    joined = "".join(texts)
-    if decimal == "." and not any(mark in joined for mark in ",_"):
-        try:
-            return np.array([t or "nan" for t in texts], dtype=float), 0
-        except ValueError:
-            pass
-    grouped_have_point = decimal in joined
-    values = np.empty(len(texts))
-    bad = 0
-    for k, text in enumerate(texts):
-        number = _number(text, decimal, grouped_have_point)
-        if number is None:
-            bad += 1
-            number = np.nan
-            if not skip_bad:
-                mark = "comma" if decimal == "," else "point"
-                raise InputError(
-                    f"{text[:40]!r} is not a number with a decimal {mark}; repair it, "
-                    "or read such cells as missing with --skip-bad-cells",
-                    file=table.where,
-                    row=int(table.lines[k]),
-                    column=table.columns[index].name,
-                )
-        values[k] = number
-    return values, bad
-
-
-def _number(text: str, decimal: str, needs_mark: bool) -> float | None:
-    if text == "" or text.casefold() in ("nan", "-", "--", "---", "n/a", "#n/a"):
-        return np.nan
-    if not NUMBER.fullmatch(text):
-        return None
-    group = "." if decimal == "," else ","
-    if group in text:
-        head, mark, tail = text.partition(decimal)
-        grouped = re.fullmatch(rf"[-+]?[1-9]\d{{0,2}}(\{group}\d{{3}})+", head)
-        # 1,234 where its neighbours have decimals is a damaged 1.234, not 1234.
-        if not grouped or (needs_mark and not mark):
-            return None
-        text = head.replace(group, "") + mark + tail
-    try:
-        return float(text.replace(decimal, "."))
-    except ValueError:
-        return None
-
-
-def decimal_mark(tables: Sequence[Table], file: Path) -> str:
-    """The decimal mark of a file: the one its numbers show; both at once is refused."""
-    comma = point = grouped = 0
-    for table in tables:
-        for row in table.rows[:500] + table.rows[-100:]:
-            for cell in row:
-                if not isinstance(cell, str) or not NUMBER.fullmatch(cell):
-                    continue
-                if "," in cell and "." in cell:
-                    last = max(cell.rfind(","), cell.rfind("."))
-                    point += cell[last] == "."
-                    comma += cell[last] == ","
-                elif cell.count(",") == 1:
-                    # 1,234 may be either; 0,123 and 1,23 are not.
-                    if re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}", cell):
-                        grouped += 1
-                    else:
-                        comma += 1
-                elif cell.count(".") == 1:
-                    point += 1
-    if comma and point:
-        # One mark in a handful of cells among thousands: damage, found when read.
-        if min(comma, point) * 20 > max(comma, point):
-            raise InputError(
-                "decimal points and decimal commas are mixed; "
-                "say which one holds with --decimal",
-                file=file,
-            )
-        return "," if comma > point else "."
-    if comma or point:
-        return "," if comma else "."
-    if grouped:
-        raise InputError(
-            "numbers such as 1,234 may have a decimal comma or thousands commas; "
-            "say which mark is the decimal one with --decimal",
-            file=file,
-        )
-    return "."
 
 
 def has_role(table: Table, role: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from softnn.readers.assemble import ReadOptions
+from softnn.readers.options import ReadOptions
 from softnn.readers.source import Source
 from softnn.readers.tidy import read_tidy
 from softnn.recording import REQUIRED, Recording, Step

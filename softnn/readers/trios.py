@@ -19,16 +19,12 @@ from dataclasses import replace
 import numpy as np
 
 from softnn.contracts import InputError
-from softnn.readers.assemble import ReadOptions, Rules, header_number, recordings
+from softnn.readers.assemble import recordings
+from softnn.readers.header import Entry, entries, header_number
+from softnn.readers.numbers import decimal_mark, numbers
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
-from softnn.readers.table import (
-    Entry,
-    Table,
-    decimal_mark,
-    entries,
-    find_tables,
-    numbers,
-)
+from softnn.readers.table import Table, find_tables
 from softnn.readers.units import convert
 from softnn.readers.vocabulary import STEP_CLOCK
 from softnn.recording import Recording

@@ -12,9 +12,10 @@ import re
 from pathlib import Path
 
 from softnn.contracts import InputError
-from softnn.readers.assemble import ReadOptions, Rules, header_geometry, read_source
+from softnn.readers.assemble import read_source
+from softnn.readers.header import entries, header_geometry
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source, decode
-from softnn.readers.table import entries
 from softnn.recording import Recording
 
 NAME = "Instron WaveMatrix"
@@ -33,7 +34,7 @@ def recognises(source: Source) -> bool:
         or _SPECIMEN.match(head) is not None
         or (
             sum(n in source.names for n in names) >= 2
-            and re.search(r'"[^"]*Cycles?[^"]*"', head) is not None
+            and re.search(r"(Elapsed|Total) Cycle", head) is not None
         )
     )
 

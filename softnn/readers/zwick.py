@@ -12,9 +12,11 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from softnn.readers.assemble import ReadOptions, Rules, header_geometry, recordings
+from softnn.readers.assemble import recordings
+from softnn.readers.header import Entry, header_geometry
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Grid, Source
-from softnn.readers.table import Entry, Table, find_tables
+from softnn.readers.table import Table, find_tables
 from softnn.readers.units import repair
 from softnn.readers.vocabulary import SPECIMEN, plain
 from softnn.recording import Recording

@@ -1,0 +1,56 @@
+"""A column's name with its unit, and what counts as a number."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from softnn.readers.source import NUMBER, Cell
+from softnn.readers.units import parse_unit
+from softnn.readers.vocabulary import plain
+
+_BRACKETS = re.compile(r"^(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\.?$", re.DOTALL)
+_LOOSE = re.compile(r"^(.*\S)(?:\s*/\s*|\s+in\s+|\s*,\s*|_)(\S+)$")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column's name and its unit as written, "" where none is."""
+
+    name: str
+    unit: str
+
+    @property
+    def plain(self) -> str:
+        return plain(self.name)
+
+    def __str__(self) -> str:
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+def is_number(cell: Cell) -> bool:
+    """Whether a cell holds a number, in either decimal mark.
+
+    >>> is_number(1.0), is_number("1,5e-05"), is_number("(N)"), is_number("")
+    (True, True, False, False)
+    """
+    return not isinstance(cell, str) or NUMBER.fullmatch(cell) is not None
+
+
+def split_name(text: str) -> Column:
+    """A name with its unit: `Force (kN)`, `C_1_Temps[s]`, `Force_N`, `Kraft in N`.
+
+    Loose forms count only when the last word is a unit; brackets always do.
+
+    >>> split_name("Force (kN)"), split_name("Size_mm")
+    (Column(name='Force', unit='kN'), Column(name='Size', unit='mm'))
+    """
+    text = text.strip()
+    match = _BRACKETS.match(text)
+    if match and match[1].strip():
+        return Column(match[1].strip(), match[2].strip() or "-")
+    match = _LOOSE.match(text)
+    # `Strain_1` is a name with a number, not a strain in units of one.
+    if match and parse_unit(match[2]) and not match[2].isdigit():
+        return Column(match[1].strip(), match[2])
+    return Column(text, "")
