@@ -158,7 +158,9 @@ def check_parameters(
 class Signal:
     """What passes from rig to sensor, sample by sample: the ports an effect may wrap.
 
-    time_s (n,) and temperature_C (n,) or None; all others (n, sets). A `before` hook
+    time_s (n,) and temperature_C (n,) or None; all others (n, sets). `begun_s` is the
+    time at which the recording began (a later chunk of it, or a specimen that goes on
+    from another recording, cannot tell from time_s). A `before` hook
     sees the strains only; an `after` hook of the material changes `equilibrium` and
     `branches`; one of the sensor changes `stress`, their sum once the material is done.
     """
@@ -166,6 +168,7 @@ class Signal:
     time_s: Array
     strain: Array
     branch_strain: Array
+    begun_s: float = 0.0
     temperature_C: Array | None = None
     equilibrium: Array | None = None
     branches: Array | None = None

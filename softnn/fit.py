@@ -67,6 +67,7 @@ class Piece:
     values: dict[str, Any]
     free: tuple[str, ...]
     groups: tuple[tuple[int, ...], ...] = ()
+    nuisance: bool = False  # always there, never news: the scatter between specimens
 
     def term(self) -> Term:
         return Term(self.effect, self.values)
@@ -476,9 +477,3 @@ def fit(
         fixed_base,
         count,
     )
-
-
-def check_data(data: Data) -> None:
-    """Raise `InputError` for data no base can be fitted to."""
-    if not data.chunks:
-        raise InputError("no recordings; a case needs one at least")

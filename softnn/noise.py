@@ -127,19 +127,27 @@ def estimate(
     typical = np.max(size) + 1e-300
     best = int(np.argmax(_trimmed(like, variance)))
     floor2, share2, kept = _level(variance[best], size, typical)
-    best = int(np.argmax(like[:, kept].sum(axis=1)))
-    floor2, share2, kept = _level(variance[best], size, typical)
+    interval = np.array([float(np.median(np.diff(t))) for t in times])
+    seconds = _pooled_time(like[:, kept], interval[whose[kept]])
+    # The variance of each window at the correlation its own clock gives it.
+    phi = np.exp(-interval[whose] / max(seconds, 1e-12))
+    nearest = np.abs(CORRELATIONS[:, None] - phi).argmin(axis=0)
+    floor2, share2, kept = _level(
+        variance[nearest, np.arange(len(whose))], size, typical
+    )
     out = []
     for r, (time, step) in enumerate(zip(times, steps, strict=True)):
         own = kept & (whose == r)
-        phi = float(CORRELATIONS[best])
+        phi = float(np.exp(-interval[r] / max(seconds, 1e-12)))
         count = int(own.sum())
         if count >= 8:
-            # Own colour, drawn to that of all by as much as five windows say.
-            pooled = like[:, kept].mean(axis=1)
-            phi = float(CORRELATIONS[np.argmax(like[:, own].sum(axis=1) + 5 * pooled)])
-        interval = float(np.median(np.diff(time)))
-        seconds = -interval / np.log(phi) if phi > 0 else 0.0
+            # Own colour, drawn to that of all by as much as twenty windows say.
+            prior = like[:, kept].mean(axis=1)
+            shift = CORRELATIONS[np.argmax(prior)] - phi
+            drawn = np.interp(CORRELATIONS + shift, CORRELATIONS, prior)
+            phi = float(CORRELATIONS[np.argmax(like[:, own].sum(axis=1) + 20 * drawn)])
+        phi = phi if phi > 0.03 else 0.0
+        own_s = -interval[r] / np.log(phi) if phi > 0 else 0.0
         grain = step**2 / 12
         out.append(
             Noise(
@@ -147,11 +155,28 @@ def estimate(
                 float(np.sqrt(share2)),
                 step,
                 phi,
-                seconds,
+                own_s,
                 count,
             )
         )
     return out
+
+
+def _pooled_time(like: Array, interval: Array) -> float:
+    """Correlation time, s, of greatest likelihood for windows of different clocks."""
+    shortest, longest = 0.1 * interval.min(), 60 * interval.max()
+    times = np.concatenate([[1e-12], np.geomspace(shortest, longest, 60)])
+    total = []
+    for tau in times:
+        phi = np.exp(-interval / tau)
+        upper = np.clip(np.searchsorted(CORRELATIONS, phi), 1, len(CORRELATIONS) - 1)
+        low, high = CORRELATIONS[upper - 1], CORRELATIONS[upper]
+        w = np.clip((phi - low) / (high - low), 0, 1)
+        column = np.arange(like.shape[1])
+        total.append(
+            np.sum((1 - w) * like[upper - 1, column] + w * like[upper, column])
+        )
+    return float(times[int(np.argmax(total))])
 
 
 def _trimmed(like: Array, variance: Array) -> Array:

@@ -50,7 +50,8 @@ def reach(
     """The strains that reach springs and branches, (n, sets), from those commanded."""
     strain = np.asarray(chunk.strain, float)
     strain = strain[:, None] if strain.ndim == 1 else strain
-    signal = Signal(chunk.time_s, strain, strain, chunk.temperature_C)
+    begun = float(chunk.time_s[0])
+    signal = Signal(chunk.time_s, strain, strain, begun, chunk.temperature_C)
     for stage in ("rig", "material"):
         for i, term in enumerate(terms):
             if term.effect.stage == stage and term.effect.acts_before:

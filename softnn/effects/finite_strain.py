@@ -13,12 +13,14 @@ from softnn.effects._programmes import ramps
 class FiniteStrain(Effect):
     r"""Finite strain in the branches of an incompressible material.
 
-    .. math:: \varepsilon_b = (1-\kappa)\,\varepsilon + \kappa \ln(1+\varepsilon),
-              \qquad \sigma_b \to \sigma_b \,(1+\varepsilon)^{-\kappa}
+    .. math:: \varepsilon_b = \frac{(1+\varepsilon)^{m} - 1}{m}, \quad m = 1-\kappa,
+              \qquad \sigma_b \to \sigma_b \,(1+\varepsilon)^{-\kappa s}
 
-    A branch is driven by Hencky strain, and its true stress is divided by the stretch to
-    give engineering stress. `amount` kappa is 0 (engineering strain) to 1 (Hencky); up
-    to 1.5 tells that the material turns softer still. Reese and Govindjee 1998,
+    A branch is driven by a strain of the Seth-Hill family, and its true stress is
+    divided by a power of the stretch to give engineering stress. `amount` kappa is 0
+    (engineering strain), 1 (Hencky strain and the current cross-section) or more;
+    `section` s tells the cross-section from the strain. Hill 1968,
+    doi:10.1016/0022-5096(68)90031-8; Reese and Govindjee 1998,
     doi:10.1016/S0020-7683(97)00217-5.
 
     In a recording: relaxation and loops grow less than in proportion to strain.
@@ -29,10 +31,12 @@ class FiniteStrain(Effect):
     stage = "material"
     ports = ("branch_strain", "branches")
     parameters = (
-        Parameter("amount", "-", 0.0, 1.5, 1.0, meaning="0 engineering, 1 Hencky"),
+        Parameter("amount", "-", 0.0, 4.0, 1.0, meaning="0 engineering, 1 Hencky"),
+        Parameter("section", "-", 0.0, 3.0, 1.0, meaning="power of the cross-section"),
     )
     off = {"amount": 0.0}
     amplitude = "amount"
+    shape = ("section",)
     where = "in the viscous part, at large strain"
     twins = {
         "strain_dependent_relaxation": "compression as well as tension",
@@ -40,20 +44,26 @@ class FiniteStrain(Effect):
     }
 
     def before(self, p, signal, state):
-        k = p["amount"]
-        true = np.log(np.maximum(1 + signal.branch_strain, 1e-3))
-        mixed = signal.branch_strain + k * (true - signal.branch_strain)
-        return replace(signal, branch_strain=mixed), None
+        m = 1 - p["amount"]
+        engineering = signal.branch_strain
+        true = np.log(np.maximum(1 + engineering, 1e-3))
+        near = np.abs(m) < 1e-9  # Hencky, the limit of the family
+        strain = np.where(near, true, np.expm1(m * true) / np.where(near, 1.0, m))
+        strain = np.where(p["amount"] == 0, engineering, strain)
+        return replace(signal, branch_strain=strain), None
 
     def after(self, p, signal, state):
         stretch = np.maximum(1 + signal.strain, 1e-3)
         return (
-            replace(signal, branches=signal.branches * stretch ** -p["amount"]),
+            replace(
+                signal,
+                branches=signal.branches * stretch ** -(p["amount"] * p["section"]),
+            ),
             None,
         )
 
     def starts(self, scales):
-        return [{"amount": 1.0}]
+        return [{"amount": 1.0, "section": 1.0}]
 
     def telltale(self):
         return ramps([0, 0.4, 0.4, 0.9, 0.9, 0.4, 0.4, 0], 0.1)

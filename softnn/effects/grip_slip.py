@@ -43,16 +43,20 @@ class GripSlip(Effect):
     }
 
     def before(self, p, signal, state):
-        start = signal.time_s[0] if state is None else state
-        t = (signal.time_s - start)[:, None]
-        lost = p["slip"] * np.clip((t - p["moment_s"]) / p["duration_s"], 0, 1)
+        # What slipped in an earlier recording of the same specimen stays lost.
+        begun, earlier, last = (signal.begun_s, 0.0, 0.0) if state is None else state
+        if signal.begun_s != begun:
+            earlier = earlier + last
+        t = (signal.time_s - signal.begun_s)[:, None]
+        own = p["slip"] * np.clip((t - p["moment_s"]) / p["duration_s"], 0, 1)
+        lost = earlier + own
         return (
             replace(
                 signal,
                 strain=signal.strain - lost,
                 branch_strain=signal.branch_strain - lost,
             ),
-            start,
+            (signal.begun_s, earlier, own[-1:]),
         )
 
     def starts(self, scales):

@@ -39,9 +39,8 @@ class LoadCellDrift(Effect):
         return (OwnDrift(), WarmUp())
 
     def after(self, p, signal, state):
-        start = signal.time_s[0] if state is None else state
-        t = (signal.time_s - start)[:, None]
-        return replace(signal, stress=signal.stress + self.wander(p, t)), start
+        t = (signal.time_s - signal.begun_s)[:, None]
+        return replace(signal, stress=signal.stress + self.wander(p, t)), None
 
     def wander(self, p, t):
         return p["drift_MPa_per_s"] * t
@@ -77,4 +76,4 @@ class WarmUp(LoadCellDrift):
     def starts(self, scales):
         longest = float(np.max(scales.duration_s))
         tau = float(np.clip(0.5 * longest, 1e-2, 1e7))
-        return [super(WarmUp, self).starts(scales)[0] | {"warm_up_s": tau}]
+        return [super().starts(scales)[0] | {"warm_up_s": tau}]

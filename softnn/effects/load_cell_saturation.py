@@ -15,10 +15,11 @@ NEVER_MPa = 1e6
 class LoadCellSaturation(Effect):
     r"""Stress beyond the limit of the channel is written down as the limit.
 
-    .. math:: \sigma \to \mathrm{clip}(\sigma, -L, L)
+    .. math:: \sigma \to \sigma \,
+              \left(1 + |\sigma / L|^{1/k}\right)^{-k}
 
-    limit L in MPa; `knee` k rounds the corner over k L (0 is sharp). Overload of an
-    amplifier, ISO 7500-1.
+    limit L in MPa; knee k from 0 (sharp, clip at L) to 0.5 (a long bend). Overload of
+    an amplifier, ISO 7500-1.
 
     In a recording: flat tops at one stress, in every recording that gets there.
     Mistaken for yielding and for a hold.
@@ -28,7 +29,7 @@ class LoadCellSaturation(Effect):
     ports = ("stress",)
     parameters = (
         Parameter("limit_MPa", "MPa", 1e-9, NEVER_MPa, 1.0, "log", "L"),
-        Parameter("knee", "-", 0.0, 0.5, 0.0, meaning="rounding, as a share of L"),
+        Parameter("knee", "-", 0.0, 0.5, 0.0, meaning="rounding of the corner"),
     )
     off = {"limit_MPa": NEVER_MPa}
     amplitude = "limit_MPa"
@@ -37,21 +38,19 @@ class LoadCellSaturation(Effect):
     twins = {"tension_only": "tension alone", "nonlinear_elasticity": "a second range"}
 
     def after(self, p, signal, state):
-        x, limit = signal.stress, p["limit_MPa"]
-        width = p["knee"] * limit
-        over = np.abs(x) - limit  # how far beyond the corner
-        soft = np.maximum(width, 1e-12)
-        lost = np.where(
-            over >= width,
-            over,
-            np.where(over > -width, (over + width) ** 2 / (4 * soft), 0.0),
-        )
-        return replace(signal, stress=x - np.sign(x) * lost), None
+        x, limit, knee = signal.stress, p["limit_MPa"], p["knee"]
+        share = np.abs(x) / limit
+        power = 1 / np.maximum(knee, 0.01)
+        # In logarithms, so that a sharp knee does not overflow.
+        bend = np.logaddexp(0.0, power * np.log(np.maximum(share, 1e-300))) / power
+        soft = np.where(limit >= NEVER_MPa, x, x * np.exp(-bend))
+        hard = np.clip(x, -limit, limit)
+        return replace(signal, stress=np.where(knee >= 0.01, soft, hard)), None
 
     def starts(self, scales):
         return [
             {"limit_MPa": float(share * scales.stress_MPa), "knee": k}
-            for share, k in ((0.97, 0.0), (0.9, 0.0), (0.97, 0.1))
+            for share, k in ((0.97, 0.0), (0.9, 0.0), (1.0, 0.08))
         ]
 
     def telltale(self):

@@ -14,10 +14,11 @@ class PermanentSet(Effect):
     r"""Residual strain: the stress-free length grows with the largest strain so far.
 
     .. math:: \varepsilon_{el} = \varepsilon - a\,
-              \left(\max_{s \le t} \varepsilon^+(s)\right)^p
-              + a \left(\max_{s \le t} \varepsilon^-(s)\right)^p
+              \left(\max_{s \le t} \varepsilon^+(s) - y\right)_+^p
+              + a \left(\max_{s \le t} \varepsilon^-(s) - y\right)_+^p
 
-    a is the ratio of set to largest strain (at strain 1), p its exponent. On first
+    a is the ratio of set to largest strain (at strain 1), p its exponent, yield y the
+    strain from which on it grows. On first
     loading the set is part of the curve and cannot be seen; on reloading the curve is
     shifted. `buckling` b scales what is left of negative elastic strain, 1 - b: a strip
     with a set hangs slack. Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
@@ -31,11 +32,12 @@ class PermanentSet(Effect):
     parameters = (
         Parameter("ratio", "-", 0.0, 0.95, 0.1, meaning="set over largest strain at 1"),
         Parameter("exponent", "-", 0.2, 5.0, 1.0, "log", "growth of the set"),
+        Parameter("yield_strain", "-", 0.0, 2.0, 0.0, meaning="where the set begins"),
         Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="loss below the set"),
     )
     off = {"ratio": 0.0}
     amplitude = "ratio"
-    shape = ("exponent", "buckling")
+    shape = ("exponent", "yield_strain", "buckling")
     where = "on unloading and reloading, near zero stress"
     twins = {
         "slack": "cycles to growing strain: a set grows with them, slack does not",
@@ -50,7 +52,9 @@ class PermanentSet(Effect):
         above, below = (0.0, 0.0) if state is None else state
         above = np.maximum.accumulate(np.maximum(np.maximum(strain, 0), above))
         below = np.maximum.accumulate(np.maximum(np.maximum(-strain, 0), below))
-        shift = a * above**power - a * below**power
+        y = p["yield_strain"]
+        grown = np.maximum(above - y, 0) ** power - np.maximum(below - y, 0) ** power
+        shift = a * grown
 
         def elastic(value):
             left = value - shift
@@ -67,7 +71,12 @@ class PermanentSet(Effect):
 
     def starts(self, scales):
         return [
-            {"ratio": 0.1 * scales.strain ** (1 - p), "exponent": p, "buckling": b}
+            {
+                "ratio": 0.1 * scales.strain ** (1 - p),
+                "exponent": p,
+                "yield_strain": 0.0,
+                "buckling": b,
+            }
             for p, b in ((1.0, 0.0), (2.0, 0.0), (1.0, 1.0))
         ]
 

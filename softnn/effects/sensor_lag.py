@@ -15,10 +15,12 @@ LONGEST_S = 20.0
 class SensorLag(Effect):
     r"""First-order lag of the stress channel (an amplifier's filter).
 
-    .. math:: \tau \dot\sigma_{out} + \sigma_{out} = \sigma
+    .. math:: \tau_1 \dot\sigma_1 + \sigma_1 = \sigma, \qquad
+              \tau_2 \dot\sigma_{out} + \sigma_{out} = \sigma_1
 
-    time_constant tau in s, exact for stress that is straight between samples; the
-    channel has settled when a recording begins. Doebelin, *Measurement Systems*, ch. 3.
+    time_constant tau_1 in s; second tau_2 as a share of tau_1 makes it a filter of
+    second order. Exact for stress that is straight between samples; the channel has
+    settled when a recording begins. Doebelin, *Measurement Systems*, ch. 3.
 
     In a recording: the loop is run through the wrong way round or too wide, the more so
     the faster; reversals of stress come late. Mistaken for slack (the same at every
@@ -28,10 +30,12 @@ class SensorLag(Effect):
     stage = "sensor"
     ports = ("stress",)
     parameters = (
-        Parameter("time_constant_s", "s", 0.0, LONGEST_S, 0.2, meaning="tau"),
+        Parameter("time_constant_s", "s", 0.0, LONGEST_S, 0.2, meaning="tau_1"),
+        Parameter("second", "-", 0.0, 1.0, 0.0, meaning="tau_2 over tau_1"),
     )
     off = {"time_constant_s": 0.0}
     amplitude = "time_constant_s"
+    shape = ("second",)
     where = "after every change of rate, growing with rate"
     twins = {
         "relaxation_branch": "a sine at two frequencies",
@@ -47,17 +51,19 @@ class SensorLag(Effect):
         from softnn.effects._kernels import first_order
 
         tau, x = p["time_constant_s"], signal.stress
-        sets = max(x.shape[1], tau.size)
+        later = tau * p["second"]
+        sets = max(x.shape[1], later.size)
         x = np.ascontiguousarray(np.broadcast_to(x, (len(x), sets)))
         if state is None:
-            state = (signal.time_s[0], x[0].copy(), x[0].copy())
-        last, before, carried = state
-        before = np.broadcast_to(before, (sets,)).copy()
-        carried = np.broadcast_to(carried, (sets,)).copy()
+            rest = np.broadcast_to(x[0], (4, sets))
+            state = (signal.time_s[0], rest)
+        last, rest = state
+        rest = np.broadcast_to(rest, (4, sets)).copy()
         step = np.diff(signal.time_s, prepend=last)
-        out = np.empty_like(x)
-        first_order(step, x, tau, before, carried, out)
-        return replace(signal, stress=out), (signal.time_s[-1], before, carried)
+        first, out = np.empty_like(x), np.empty_like(x)
+        first_order(step, x, tau, rest[0], rest[1], first)
+        first_order(step, first, later, rest[2], rest[3], out)
+        return replace(signal, stress=out), (signal.time_s[-1], rest)
 
     def starts(self, scales):
         return [
@@ -74,6 +80,9 @@ class Delay(SensorLag):
 
     .. math:: \sigma_{out}(t) = \sigma(t - \tau)
     """
+
+    parameters = SensorLag.parameters[:1]
+    shape = ()
 
     def after(self, p, signal, state):
         tau = p["time_constant_s"]

@@ -189,6 +189,39 @@ def to_data(case: Case) -> Data:
     )
 
 
+def mask_gaps(case: Case) -> Case:
+    """The case without stress after gaps in which the specimen was on the move.
+
+    What strain it saw in the gap nobody wrote down; the stress remembers it for a while.
+    A gap in which the strain stood still costs nothing.
+    """
+    out = []
+    for recording in case.recordings:
+        known = np.flatnonzero(np.isfinite(recording.strain))
+        time, strain = recording.time_s[known], recording.strain[known]
+        step = np.diff(time)
+        if len(step) < 8:
+            out.append(recording)
+            continue
+        rate = np.abs(np.diff(strain)) / np.maximum(step, 1e-12)
+        typical, span = np.median(step), np.ptp(strain)
+        stress = np.array(recording.stress_MPa)
+        cut = False
+        for i in np.flatnonzero(step > 6 * typical):
+            around = np.concatenate([rate[max(i - 3, 0) : i], rate[i + 1 : i + 4]])
+            travel = step[i] * (around.max() if len(around) else 0.0)
+            straight = abs(strain[i + 1] - strain[i])
+            if travel > 0.05 * span and abs(travel - straight) > 0.05 * span:
+                after = recording.time_s > time[i]
+                stress[after & (recording.time_s < time[i + 1] + 8 * step[i])] = np.nan
+                cut = True
+        if cut and np.isfinite(stress).sum() >= 8:
+            out.append(recording.with_step("mask_gaps", stress_MPa=stress))
+        else:
+            out.append(recording)
+    return replace(case, recordings=tuple(out))
+
+
 def thin(case: Case, most: int) -> Case:
     """The case with at most about `most` samples a recording, reversals kept.
 

@@ -8,6 +8,7 @@ several starts; those that pass are refitted jointly with the base, and compete.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,6 +18,8 @@ import numpy as np
 from softnn.contracts import Array, Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
+
+ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
 
 # What a base has of its own, so that it cannot be missing from it.
 INCLUDED = {
@@ -64,9 +67,7 @@ def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
                 values[p.name] = np.broadcast_to(inside, (r,)).astype(float)
             else:
                 values[p.name] = float(inside)
-        free = tuple(
-            p.name for p in effect.parameters if p.name not in effect.shape
-        )
+        free = tuple(p.name for p in effect.parameters if p.name not in effect.shape)
         groups = tuple((i,) for i in range(r)) if effect.per_recording else ()
         out.append(Piece(effect, values, free, groups))
     return out
@@ -104,14 +105,15 @@ class Screen:
         if not piece.groups:
             return self.project(self.engine.whiten(change[:, None]))
         parts = np.stack(
-            [np.where(np.isin(self.engine.owner, g), change, 0.0) for g in piece.groups],
+            [
+                np.where(np.isin(self.engine.owner, g), change, 0.0)
+                for g in piece.groups
+            ],
             axis=1,
         )
         return self.project(self.engine.whiten(parts))
 
-    def lead(
-        self, effect: Effect, threshold: float
-    ) -> tuple[list[Lead], list[Array]]:
+    def lead(self, effect: Effect, threshold: float) -> tuple[list[Lead], list[Array]]:
         """Leads of an effect from each of its starts; and all atoms, for the null."""
         pieces = start_pieces(self.engine, effect)
         atoms = [self.atoms(p) for p in pieces]
@@ -137,7 +139,9 @@ class Screen:
             for s, (piece, atom) in enumerate(zip(pieces, atoms, strict=True)):
                 left = atom - basis @ (basis.T @ atom)
                 # An atom mostly absorbed by what is in already tells nothing new.
-                share = (left**2).sum(axis=0) / np.maximum((atom**2).sum(axis=0), 1e-300)
+                share = (left**2).sum(axis=0) / np.maximum(
+                    (atom**2).sum(axis=0), 1e-300
+                )
                 for g in range(len(piece.groups)):
                     if g in chosen or share[g] < 0.02:
                         continue
@@ -156,7 +160,9 @@ class Screen:
         if not chosen:
             return []
         effect = pieces[0].effect
-        values = {k: np.array(v) if np.ndim(v) else v for k, v in pieces[0].values.items()}
+        values = {
+            k: np.array(v) if np.ndim(v) else v for k, v in pieces[0].values.items()
+        }
         for name, off in effect.off.items():
             if name in effect.per_recording:
                 values[name] = np.full(len(self.engine.chunks), off)
@@ -217,7 +223,10 @@ def _clipped(effect: Effect, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def null_threshold(
-    screen: Screen, atoms: Sequence[Array], rng: np.random.Generator, level: float = 0.99
+    screen: Screen,
+    atoms: Sequence[Array],
+    rng: np.random.Generator,
+    level: float = 0.99,
 ) -> float:
     """Quantile of the largest score of any atom when nothing but noise is left.
 
@@ -236,9 +245,7 @@ def null_threshold(
     return float(np.quantile(np.concatenate(largest), level))
 
 
-def refine(
-    engine: Engine, base: Fit, piece: Piece, iterations: int = 10
-) -> Fit:
+def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit:
     """The joint refit with one more piece, recordings it does not touch taken out."""
     order = [e.id for e in EFFECTS]
     pieces = sorted(
@@ -256,3 +263,83 @@ def release(engine: Engine, found: Fit, index: int, iterations: int = 10) -> Fit
     pieces[index] = replace(piece, free=names)
     guess = replace(found.guess, pieces=tuple(pieces))
     return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)
+
+
+@dataclass
+class Rival:
+    """An effect tried on top of a fit, at its best form."""
+
+    effect: str
+    fit: Fit
+    seconds: float
+
+
+def rivals(
+    engine: Engine,
+    base: Fit,
+    pool: Sequence[Effect],
+    rng: np.random.Generator,
+    most: int = 8,
+) -> tuple[list[Rival], float]:
+    """Effects of the pool that pass the score test, refitted, best first; threshold.
+
+    Core parameters first; the few that come near the best then get their second forms
+    and their shape parameters.
+    """
+    screen = Screen(engine, base)
+    leads: dict[str, Lead] = {}
+    atoms: list[Array] = []
+    for effect in pool:
+        if any(p.effect.id == effect.id and not p.nuisance for p in base.guess.pieces):
+            continue
+        for law in (effect, *effect.second_forms):
+            own, seen = screen.lead(law, ENTRY)
+            atoms += seen
+            for lead in own:
+                key = f"{effect.id}/{law.form}"
+                if key not in leads or lead.gain > leads[key].gain:
+                    leads[key] = lead
+    if not atoms:
+        return [], ENTRY
+    threshold = null_threshold(screen, atoms, rng)
+    passed = sorted(leads.items(), key=lambda kv: -kv[1].gain)
+    passed = [kv for kv in passed if kv[1].gain > threshold]
+    if not passed:
+        return [], threshold
+    top = passed[0][1].gain
+    found: list[Rival] = []
+    tried: dict[str, int] = {}
+    for key, lead in passed:
+        name = key.split("/")[0]
+        if lead.gain < 0.05 * top or (name not in tried and len(tried) >= most):
+            continue
+        tried[name] = tried.get(name, 0) + 1
+        clock = time.perf_counter()
+        trial = refine(engine, base, lead.piece, 6)
+        found.append(Rival(name, trial, time.perf_counter() - clock))
+    found.sort(key=lambda r: r.fit.chi2)
+    best = found[0].fit.chi2
+    out: dict[str, Rival] = {}
+    for rank, rival in enumerate(found):
+        # Within reach of the best: half the way from the base, or among the first.
+        near = rival.fit.chi2 < base.chi2 - 0.5 * (base.chi2 - best)
+        if rank < 3 or near:
+            clock = time.perf_counter()
+            index = next(
+                i
+                for i, p in enumerate(rival.fit.guess.pieces)
+                if p.effect.id == rival.effect and not p.nuisance
+            )
+            better = release(engine, rival.fit, index)
+            rival.seconds += time.perf_counter() - clock
+            if better.chi2 < rival.fit.chi2:
+                rival.fit = better
+        if rival.effect not in out or score(rival.fit) < score(out[rival.effect].fit):
+            out[rival.effect] = rival
+    return sorted(out.values(), key=lambda r: score(r.fit)), threshold
+
+
+def score(found: Fit) -> float:
+    """Whitened misfit and a price for each parameter (Schwarz); less is better."""
+    n = len(found.residual)
+    return n * np.log(found.chi2 / n) + found.parameters * np.log(n)

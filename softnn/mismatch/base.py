@@ -1,0 +1,100 @@
+"""The simulation to be judged: a base fitted to the recordings, or somebody else's.
+
+A base of springs and branches is refitted to all it may use, so that a mismatch is what
+it cannot absorb. A simulation from elsewhere (a column `simulated_MPa`, a network) is
+taken as it is; springs and branches fitted to it stand in for its inner workings where
+an effect needs to know what the stress would have been at another strain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from softnn.contracts import Array, InputError
+from softnn.effects import effect
+from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
+from softnn.models.units import Units, build
+from softnn.noise import Noise, estimate
+
+STAND_IN = "pl-wiechert"
+
+
+@dataclass
+class Baseline:
+    """The base at its best, the engine that simulates it, and the noise."""
+
+    engine: Engine
+    fit: Fit
+    noise: list[Noise]
+    name: str  # the base, or "simulated"
+    fixed: bool
+
+
+def units_for(name: str, data: Data, segments: int = 12) -> Units:
+    low = min(float(c.strain.min()) for c in data.chunks)
+    high = max(float(c.strain.max()) for c in data.chunks)
+    scales = data.scales()
+    if not scales.strain > 0:
+        raise InputError("the strain never leaves zero; there is nothing to simulate")
+    duration = float(scales.duration_s.max())
+    return build(name, low, high, scales.interval_s, duration, segments)
+
+
+def nuisance(data: Data, groups: Sequence[tuple[int, ...]]) -> tuple[Piece, ...]:
+    """A scale for each specimen but the first, where there are several."""
+    if len(groups) < 2:
+        return ()
+    gain = effect("gain_error")
+    zeros = {"error": np.zeros(len(data.chunks))}
+    return (Piece(gain, zeros, ("error",), tuple(groups[1:]), nuisance=True),)
+
+
+def weigh(engine: Engine, found: Fit) -> list[Noise]:
+    """Estimate the noise from what a fit leaves, and weigh by it from now on."""
+    data = engine.data
+    noise = estimate(
+        engine.by_recording(engine.target - found.stress),
+        data.stress_MPa,
+        [c.time_s for c in data.chunks],
+    )
+    engine.set_noise(
+        [n.sigma(s) for n, s in zip(noise, data.stress_MPa, strict=True)],
+        [n.correlation_s for n in noise],
+    )
+    return noise
+
+
+def baseline(data: Data, name: str, groups: Sequence[tuple[int, ...]] = ()) -> Baseline:
+    """The base `name` refitted to the data, its noise estimated."""
+    engine = Engine(data)
+    units = units_for(name, data)
+    pieces = nuisance(data, groups)
+    found = fit(engine, Guess(units, np.zeros(units.columns), pieces))
+    noise: list[Noise] = []
+    for _ in range(2):
+        noise = weigh(engine, found)
+        found = fit(engine, found.guess)
+    return Baseline(engine, found, noise, name, False)
+
+
+def given(
+    data: Data, simulated: Sequence[Array], groups: Sequence[tuple[int, ...]] = ()
+) -> Baseline:
+    """A simulation from elsewhere as the base: kept as it is, with a stand-in."""
+    # The stand-in sees the simulation without noise, at the samples of the recording.
+    copy = replace(data, stress_MPa=tuple(simulated), simulated_MPa=None)
+    units = units_for(STAND_IN, data)
+    inner = fit(Engine(copy), Guess(units, np.zeros(units.columns)))
+    by = np.split(inner.stress, data.starts[1:-1])
+    remainder = [s - m for s, m in zip(simulated, by, strict=True)]
+    engine = Engine(data, remainder=remainder)
+    guess = Guess(units, inner.guess.stiffness, nuisance(data, groups))
+    found = fit(engine, guess, fixed_base=True)
+    noise: list[Noise] = []
+    for _ in range(2):
+        noise = weigh(engine, found)
+        found = fit(engine, found.guess, fixed_base=True)
+    return Baseline(engine, found, noise, "simulated", True)
