@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from softnn.models.fit_piecewise import (
     sweep,
 )
 from softnn.models.segments import Equal, Optimal, Tolerance
-from studies.baselines import MODELS
+from studies.baselines import MODELS, TOLERANCES
 from studies.common import COLOURS, FAINT, INK, markdown, percent
 from studies.piecewise import Case, Work, carry_out, panels
 
@@ -38,47 +39,45 @@ def main(argv: Sequence[str] | None = None) -> int:
     return carry_out("accuracy", __doc__, argv, study, draw)
 
 
+@dataclass(frozen=True)
+class Best:
+    """The fits of a model at every tolerance, and the one of least NRMSE."""
+
+    fits: list[PiecewiseFit]
+    errors: list[float]
+    tolerances: tuple[float, ...]
+
+    @property
+    def at(self) -> int:
+        return int(np.argmin(self.errors))
+
+    @property
+    def error(self) -> float:
+        return self.errors[self.at]
+
+
+def best_of(case: Case, model: str, tolerances: tuple[float, ...] = TOLERANCES) -> Best:
+    """A model on the curve the thesis fits it to, at every tolerance."""
+    curve, relaxation = case.fitted, case.primary(model).relaxation
+    (row,) = sweep([curve], [relaxation], [Tolerance(t) for t in tolerances])
+    errors = [nrmse(f.predict(curve), curve.stress_MPa) for f in row]
+    return Best(row, errors, tolerances)
+
+
 def study(work: Work, case: Case) -> dict[str, Any]:
     """Best tolerance of both models, the improvement, and the rivals."""
     curve = case.fitted
-    best: dict[str, Any] = {}
-    trials: list[dict[str, Any]] = []
-    fits: dict[str, PiecewiseFit] = {}
-    for model in MODELS:
-        relaxation = case.primary(model).relaxation
-        (row,) = sweep([curve], [relaxation], [Tolerance(t) for t in work.tolerances])
-        errors = [nrmse(f.predict(curve), curve.stress_MPa) for f in row]
-        at = int(np.argmin(errors))
-        few = Optimal(min(FEW, len(curve) // 3))
-        parsimonious = fit([curve], relaxation, few, regression="joint")
-        fits[model] = row[at]
-        best[model] = {
-            "nrmse": errors[at],
-            "segments": row[at].segments,
-            "tolerance": work.tolerances[at],
-            "branches": relaxation.branches,
-            "negative_branches": relaxation.negative,
-            "nrmse_of_few_segments": nrmse(
-                parsimonious.predict(curve), curve.stress_MPa
-            ),
-            "few_segments": parsimonious.segments,
+    found = {model: best_of(case, model, work.tolerances) for model in MODELS}
+    best = {model: entry(case, model, one) for model, one in found.items()}
+    trials = [
+        {
+            "name": f"{model}, tolerance {100 * t:.0f} %",
+            "parameters": {"model": model, "tolerance": t},
+            "metrics": {"nrmse": e, "segments": f.segments},
         }
-        published = case.published("5.1", model)
-        if published:
-            best[model]["published"] = {
-                "nrmse": published["nrmse"] / 100,
-                "segments": published["segments"],
-                "tolerance": published["tolerance"] / 100,
-                "branches": published.get("branches", 1),
-            }
-        trials += [
-            {
-                "name": f"{model}, tolerance {100 * t:.0f} %",
-                "parameters": {"model": model, "tolerance": t},
-                "metrics": {"nrmse": e, "segments": f.segments},
-            }
-            for t, e, f in zip(work.tolerances, errors, row, strict=True)
-        ]
+        for model, one in found.items()
+        for t, e, f in zip(one.tolerances, one.errors, one.fits, strict=True)
+    ]
     sls, wiechert = (best[m] for m in MODELS)
     improvement = {
         "delta_accuracy_percent": delta_accuracy(wiechert["nrmse"], sls["nrmse"]),
@@ -121,9 +120,35 @@ def study(work: Work, case: Case) -> dict[str, Any]:
         "trials": trials,
         "text": text,
         "drawn": {
-            m: f.predict(curve)[:: max(len(curve) // 200, 1)] for m, f in fits.items()
+            model: one.fits[one.at].predict(curve)[:: max(len(curve) // 200, 1)]
+            for model, one in found.items()
         },
     }
+
+
+def entry(case: Case, model: str, best: Best) -> dict[str, Any]:
+    """The best fit as it is reported, with a fit of few segments beside it."""
+    curve, relaxation = case.fitted, case.primary(model).relaxation
+    few = Optimal(min(FEW, len(curve) // 3))
+    parsimonious = fit([curve], relaxation, few, regression="joint")
+    made: dict[str, Any] = {
+        "nrmse": best.error,
+        "segments": best.fits[best.at].segments,
+        "tolerance": best.tolerances[best.at],
+        "branches": relaxation.branches,
+        "negative_branches": relaxation.negative,
+        "nrmse_of_few_segments": nrmse(parsimonious.predict(curve), curve.stress_MPa),
+        "few_segments": parsimonious.segments,
+    }
+    published = case.published("5.1", model)
+    if published:
+        made["published"] = {
+            "nrmse": published["nrmse"] / 100,
+            "segments": published["segments"],
+            "tolerance": published["tolerance"] / 100,
+            "branches": published.get("branches", 1),
+        }
+    return made
 
 
 def rivals_of(case: Case) -> dict[str, float]:

@@ -74,14 +74,15 @@ def hold_groups(recordings: Sequence[Recording]) -> list[tuple[Hold, float]]:
     """Mean hold of each test: recordings held at the same strain for as long."""
     holds = [hold_of(r) for r in recordings]
     groups: list[list[tuple[Hold, float]]] = []
-    for hold, level in sorted(holds, key=lambda h: (h[1], h[0][0][-1])):
-        if groups:
-            (time, _), other = groups[-1][0]
+    for hold, level in sorted(holds, key=lambda h: (h[0][0][-1], h[1])):
+        for group in groups:
+            (time, _), other = group[0]
             near = abs(level - other) <= ALIKE * abs(other)
             if near and hold[0][-1] <= 2 * time[-1]:
-                groups[-1].append((hold, level))
-                continue
-        groups.append([(hold, level)])
+                group.append((hold, level))
+                break
+        else:
+            groups.append([(hold, level)])
     return [
         (mean_hold([h for h, _ in g]), float(np.mean([level for _, level in g])))
         for g in groups
