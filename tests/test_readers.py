@@ -440,6 +440,11 @@ def test_cell_far_beyond_the_sheet(tmp_path: Path) -> None:
     refused_quickly(with_member(path, SHEET, far), "cells|damaged")
 
 
+def test_folder_and_device(tmp_path: Path) -> None:
+    refused_quickly(tmp_path, "^[^:]*: is a folder")
+    refused_quickly(Path("/dev/zero"), "^/dev/zero: is not a plain file")
+
+
 @pytest.mark.parametrize(
     ("raw", "said"),
     [
