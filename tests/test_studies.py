@@ -233,7 +233,7 @@ def trials(folder: Path) -> dict[int, tuple[str, str]]:
     try:
         with sqlite3.connect(file, timeout=5) as connection:
             rows = connection.execute(
-                "SELECT number, state, datetime_complete FROM trials"
+                "SELECT trial_id, state, datetime_complete FROM trials"
             ).fetchall()
     except sqlite3.OperationalError:  # tables are being made
         return {}
@@ -303,7 +303,9 @@ def test_stopped_and_started_again_goes_on(stop, tmp_path):
     # As if it had never been stopped: the same figures, to the last digit.
     whole = tmp_path / "whole"
     whole.mkdir()
-    assert run(whole).wait(timeout=120) == 0
+    child = run(whole)
+    child.communicate(timeout=120)
+    assert child.returncode == 0
     resumed, straight = (
         json.loads((f / "out" / "neurons.json").read_text())["headline"]
         for f in (tmp_path, whole)
