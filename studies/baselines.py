@@ -70,8 +70,24 @@ def hold_of(recording: Recording) -> tuple[Hold, float]:
     return (time[start:] - time[start], part.stress_MPa[start:] / level), level
 
 
-def hold_groups(recordings: Sequence[Recording]) -> list[tuple[Hold, float]]:
-    """Mean hold of each test: recordings held at the same strain for as long."""
+@dataclass(frozen=True)
+class RelaxationTest:
+    """One relaxation test: its holds, their mean and the mean strain held."""
+
+    holds: list[Hold]
+    held_strain: float
+
+    @property
+    def mean(self) -> Hold:
+        return mean_hold(self.holds)
+
+    @property
+    def held_s(self) -> float:
+        return float(min(time[-1] for time, _ in self.holds))
+
+
+def relaxation_tests(recordings: Sequence[Recording]) -> list[RelaxationTest]:
+    """Holds at the same strain for as long are one test; the shortest first."""
     holds = [hold_of(r) for r in recordings]
     groups: list[list[tuple[Hold, float]]] = []
     for hold, level in sorted(holds, key=lambda h: (h[0][0][-1], h[1])):
@@ -84,7 +100,9 @@ def hold_groups(recordings: Sequence[Recording]) -> list[tuple[Hold, float]]:
         else:
             groups.append([(hold, level)])
     return [
-        (mean_hold([h for h, _ in g]), float(np.mean([level for _, level in g])))
+        RelaxationTest(
+            [hold for hold, _ in g], float(np.mean([level for _, level in g]))
+        )
         for g in groups
     ]
 
@@ -112,8 +130,8 @@ def late_tau(hold: Hold) -> Relaxation:
 
 def variants(recordings: Sequence[Recording]) -> Iterator[Variant]:
     """Every reading of the thesis's way to branches, for every group of holds."""
-    for hold, level in hold_groups(recordings):
-        about = level, float(hold[0][-1])
+    for test in relaxation_tests(recordings):
+        hold, about = test.mean, (test.held_strain, test.held_s)
         decaying = three_points(*hold)
         yield Variant("PL-SLS", decaying, *about, "tau of the decaying part")
         yield Variant("PL-SLS", late_tau(hold), *about, "tau read literally")

@@ -17,7 +17,14 @@ from softnn.contracts import InputError
 from softnn.materials import MATERIALS, table
 from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
-from studies.baselines import TOLERANCES, Variant, fitted_curve, variants
+from studies.baselines import (
+    TOLERANCES,
+    RelaxationTest,
+    Variant,
+    fitted_curve,
+    relaxation_tests,
+    variants,
+)
 from studies.common import (
     RUNS,
     Parser,
@@ -48,6 +55,7 @@ class Case:
     source: str
     material: str
     curves: list[Recording]
+    tests: list[RelaxationTest]
     variants: list[Variant]
     holds_from: str
     digest: str
@@ -190,6 +198,7 @@ def cases(
                 source=one.source,
                 material=one.material,
                 curves=prepare.unify(one.tensile),
+                tests=relaxation_tests(relaxation),
                 variants=list(variants(relaxation)),
                 holds_from=origin,
                 digest=data_hash([*one.tensile, *relaxation]),

@@ -23,7 +23,7 @@ from softnn.models.branches import coefficients
 from softnn.models.fit_piecewise import branch_stress, sweep
 from softnn.models.relaxation import collocation
 from softnn.models.segments import Tolerance
-from studies.baselines import TOLERANCES, hold_groups
+from studies.baselines import TOLERANCES, relaxation_tests
 from studies.common import guarded, markdown, parser, results_folder, write_result
 
 BRANCHES = 8
@@ -112,7 +112,7 @@ def whole_fit(material: str, seed: int) -> dict[str, float]:
     """PL-Wiechert of one material: ten tolerances, one to ten branches, their NRMSE."""
     specimens = [prepare.specimen(r) for r in virtual.tensile(material, seed)]
     curve = prepare.unify(specimens)[-1]
-    hold, _ = hold_groups(virtual.relaxation(material, seed))[0]
+    hold = relaxation_tests(virtual.relaxation(material, seed))[0].mean
 
     def run() -> Array:
         relaxations = [collocation(*hold, b) for b in range(1, 11)]

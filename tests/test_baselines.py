@@ -15,11 +15,11 @@ from softnn.models import PLSLS, Maxwell
 from softnn.recording import Recording
 from studies import accuracy, rates, segments
 from studies.baselines import (
-    hold_groups,
     hold_of,
     late_tau,
     like_for_like,
     piecewise_baselines,
+    relaxation_tests,
     variants,
 )
 from studies.piecewise import cases
@@ -90,7 +90,7 @@ def test_a_hold_is_its_modulus_over_time():
 
 def test_holds_at_one_strain_and_of_one_length_are_one_test():
     holds = [held(0.30), held(0.31), held(0.30, end=9000.0), held(0.6)]
-    levels = [round(level, 3) for _, level in hold_groups(holds)]
+    levels = [round(t.held_strain, 3) for t in relaxation_tests(holds)]
     assert levels == [0.305, 0.6, 0.3]
 
 
@@ -140,7 +140,6 @@ def test_a_material_that_is_not_there(capsys):
     assert "no material 'wood'" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("material", MATERIALS)
 def test_best_fits_are_no_worse_than_the_published(material):
     (case,) = cases("virtual", material, None, 0)

@@ -200,8 +200,9 @@ def held_out_branches(
     """The number of branches that predicts held-out stretches of the data best.
 
     With several holds each is left out in turn and predicted from the mean of the
-    others over its times; with one, each of five stretches of equal log-time is left
-    out and predicted from the rest. Gives the count and the RMSE [MPa] of each.
+    others over its times, but for a factor: specimens differ in stiffness more than in
+    how they relax. With one hold, each of five stretches of equal log-time is left out
+    and predicted from the rest. Gives the count and the RMSE [MPa] of each.
     """
     if not holds:
         raise InputError("no holds; at least one is needed")
@@ -210,10 +211,12 @@ def held_out_branches(
     )
     errors = []
     for branches in range(1, most + 1):
-        squares = [
-            (method(*train, branches).modulus(test[0]) - test[1]) ** 2
-            for train, test in parts
-        ]
+        squares = []
+        for train, (time, modulus) in parts:
+            predicted = method(*train, branches).modulus(time)
+            if len(holds) > 1:
+                predicted = predicted * (predicted @ modulus) / (predicted @ predicted)
+            squares.append((predicted - modulus) ** 2)
         errors.append(float(np.sqrt(np.mean(np.concatenate(squares)))))
     return int(np.argmin(errors)) + 1, errors
 
