@@ -139,10 +139,13 @@ def _first_range(x: Array, y: Array, bend: float, noise: float) -> int:
     return int(straight[broken[0] if broken.size else -1]) + 1
 
 
-def _widest_range(x: Array, y: Array, bend: float, points: int = 160) -> tuple:
-    """Slope and ends of the widest straight range; NaN where too little is left.
+def _widest_range(
+    x: Array, y: Array, bend: float, points: int = 160
+) -> tuple[float, Range]:
+    """Slope and ends of the widest straight range, at least a quarter of all; or NaN.
 
-    On means over equal strain steps, so that noise counts less than the curve.
+    On means over equal strain steps, so that noise counts less than the curve. A flat
+    plateau has no such range: its bend is as large as its rise.
     """
     if len(x) < 10:
         return NAN, (NAN, NAN)
@@ -161,7 +164,9 @@ def _widest_range(x: Array, y: Array, bend: float, points: int = 160) -> tuple:
     rms = np.sqrt(np.maximum(syy - slope * sxy, 0) / n)
     share = rms / np.maximum(np.abs(slope) * width, np.finfo(float).tiny)
     straight = share <= bend
-    best = np.where(straight, width, 0).argmax() if straight.any() else share.argmin()
+    best = int(np.where(straight, width, 0).argmax())
+    if not straight[best] or width[best] < 0.25 * (x[-1] - x[0]):
+        return NAN, (NAN, NAN)
     return float(slope[best]), (float(x[i[best]]), float(x[j[best] - 1]))
 
 

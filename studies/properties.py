@@ -61,14 +61,19 @@ def main(argv: Sequence[str] | None = None) -> int:
             drawn = property_figures.of_virtual(made.pop("drawn"))
             for name, figure in drawn.items():
                 figures += common.save_figure(figure, f"properties_{name}", place)
-        wanted = property_sets.available() if whole else [options.data]
-        for source in [] if smoke or options.data == "virtual" else wanted:
-            found[source] = property_sets.of_set(source)
-            curves = found[source].pop("drawn")
+        wanted = [] if smoke or not whole else property_sets.available()
+        if options.data not in (None, "virtual"):
+            wanted = [options.data]
+        for source in wanted:
+            label = Path(source).stem
+            found[label] = property_sets.of_set(source)
+            curves = found[label].pop("drawn")
             if curves:
                 figure = property_figures.of_set(curves)
-                name = f"properties_{Path(source).stem}"
-                figures += common.save_figure(figure, name, place)
+                # Not into the project: a drawn curve is the recording, most of
+                # which carry no licence.
+                name, runs = f"properties_{label}", home / "results"
+                figures += common.save_figure(figure, name, runs)
         headline = headline_of(found)
         text = report(found)
         print(text)
@@ -92,9 +97,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             tracker.result(
                 metrics, note=noted(headline), files=figures, texts={f"{name}.md": text}
             )
-        print(f"\nresult: {path}; figures: {len(figures) // 2} beside it; runs: {uri}")
+        print(f"\nresult: {path}; figures: {_listed(figures)}; runs: {uri}")
 
     return common.guarded(work)
+
+
+def _listed(files: Sequence[Path]) -> str:
+    names = [str(f.with_suffix("")) for f in files if f.suffix == ".png"]
+    return ", ".join(names) or "none"
 
 
 # --- virtual specimens beside the published tables -----------------------------------

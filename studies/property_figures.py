@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -171,8 +172,9 @@ def _hold(
     for recording in recordings:
         y = np.abs(recording.stress_MPa)
         top = int(y.argmax())
-        time = recording.time_s[top + 1 :] - recording.time_s[top]
-        axes.plot(time, y[top + 1 :], color=colour, linewidth=0.7, label=label)
+        time = recording.time_s - recording.time_s[top]
+        shown = np.unique(np.geomspace(1, len(y) - 1 - top, 300).astype(int)) + top
+        axes.plot(time[shown], y[shown], color=colour, linewidth=0.7, label=label)
         label = None
 
 
@@ -181,4 +183,5 @@ def _speed(name: str, p: Properties) -> int:
 
 
 def _title(figure: Figure, text: str) -> None:
+    text = textwrap.fill(text, int(14 * figure.get_figwidth()))
     figure.suptitle(text, fontsize=9, x=0.01, ha="left")

@@ -5,8 +5,9 @@ prints after the virtual specimens.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,7 @@ def available() -> list[str]:
 def of_set(source: str) -> dict[str, Any]:
     """Elastic properties of its tensile tests and pulls, relaxation of its holds."""
     recordings, rebuilt = read(source)
+    recordings = [r if r.test else replace(r, test=kind_of(r)) for r in recordings]
     tensile = [prepare.specimen(r) for r in recordings if r.test == "tensile"]
     pulls = [p for r in recordings if r.test == "cyclic" and (p := last_pull(r))]
     held = [r for r in recordings if r.test == "relaxation"]
@@ -90,6 +92,16 @@ def of_set(source: str) -> dict[str, Any]:
         "drawn": curves,
         "data_sha256": data_hash(recordings),
     }
+
+
+def kind_of(recording: Recording) -> str:
+    """What test it is, by its strain, for a file that does not say."""
+    known = ~np.isnan(recording.strain + recording.stress_MPa)
+    kinds = [s.kind for s in prepare.segments(recording.take(known))]
+    if "unloading" in kinds:
+        return "cyclic"
+    held = ("loading", "hold") in pairwise(kinds)
+    return "relaxation" if held else "tensile"
 
 
 def read(source: str) -> tuple[list[Recording], list[str]]:
@@ -236,6 +248,8 @@ def report(source: str, one: dict[str, Any]) -> str:
         keys = RELAXATION
         rows = [[r["name"], *(_figure(r[k]) for k in keys)] for r in one["relaxation"]]
         text.append(markdown(["relaxation", *keys], rows))
+    if len(text) == 1:
+        text.append("No pull to failure and no hold after a loading: nothing to tell.")
     return "\n\n".join(text)
 
 
@@ -244,4 +258,5 @@ def _figure(value: float | None) -> str | None:
 
 
 def _interval(values: Sequence[float]) -> str:
-    return f"{values[0]:.3g} ({values[1]:.3g} to {values[2]:.3g})"
+    interval = f" ({values[1]:.3g} to {values[2]:.3g})"
+    return f"{values[0]:.3g}" + interval * bool(np.isfinite(values[1]))

@@ -95,6 +95,13 @@ def test_large_modulus_is_of_the_plateau_not_of_the_upturn():
     assert p.large[1] < 1.9
 
 
+def test_a_flat_plateau_has_no_second_modulus():
+    p = properties.elastic(curve(lambda e: np.minimum(5 * e, 2), noise=0.01))
+    assert p.E_small_MPa == pytest.approx(5, rel=0.1)
+    assert p.yield_stress_MPa == pytest.approx(2, rel=0.02)
+    assert np.isnan(p.E_large_MPa)
+
+
 def test_a_stiffening_curve_has_no_yield():
     p = properties.elastic(curve(lambda e: np.expm1(e)))
     assert np.isnan(p.yield_stress_MPa)
