@@ -218,15 +218,15 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
     figure, grid = panels(len(cases))
     for axes, case, one in zip(grid, cases, found, strict=True):
         curve = case.fitted
+        step = max(len(curve) // 200, 1)
         axes.plot(
-            curve.strain,
-            curve.stress_MPa,
+            curve.strain[::step],
+            curve.stress_MPa[::step],
             color=INK,
             linewidth=3,
             alpha=0.3,
             label="mean curve",
         )
-        step = max(len(curve) // 200, 1)
         for colour, style, model in zip(COLOURS, ("-", "--"), MODELS, strict=False):
             axes.plot(
                 curve.strain[::step],

@@ -100,9 +100,7 @@ def relaxation_tests(recordings: Sequence[Recording]) -> list[RelaxationTest]:
         else:
             groups.append([(hold, level)])
     return [
-        RelaxationTest(
-            [hold for hold, _ in g], float(np.mean([level for _, level in g]))
-        )
+        RelaxationTest([h for h, _ in g], float(np.mean([level for _, level in g])))
         for g in groups
     ]
 

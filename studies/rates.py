@@ -205,9 +205,10 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
         for colour, curve in zip(COLOURS, case.curves, strict=False):
             label = speed_label(case, curve)
             fitted = curve is case.fitted
+            thin = slice(None, None, max(len(curve) // 200, 1))
             axes.plot(
-                curve.strain,
-                curve.stress_MPa,
+                curve.strain[thin],
+                curve.stress_MPa[thin],
                 color=colour,
                 linewidth=3,
                 alpha=0.3,
@@ -215,8 +216,8 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
             )
             for style, model in zip(("-", ":"), MODELS, strict=True):
                 axes.plot(
-                    curve.strain,
-                    one["drawn"][model].fit.predict(curve),
+                    curve.strain[thin],
+                    one["drawn"][model].fit.predict(curve)[thin],
                     style,
                     color=colour,
                     linewidth=1,
