@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from softnn.contracts import InputError
+from softnn.mismatch.commands import add_diagnose, add_simulate
 from softnn.recording import Recording
 
 _QUANTITIES = ("time", "force", "displacement", "strain", "stress", "temperature")
@@ -24,6 +25,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_read(commands)
+    add_diagnose(commands)
+    add_simulate(commands)
     arguments = parser.parse_args(argv)
     try:
         return int(arguments.run(arguments))

@@ -18,8 +18,13 @@ import numpy as np
 from softnn.contracts import Array, Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
+from softnn.mismatch.base import Baseline, weigh
+from softnn.noise import Noise
 
 ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
+MOST_EFFECTS = 3
+LATER_SHARE = 0.1  # of the first effect's gain, below which a later one is its form
+LATER_LEFT = 0.65  # of what the earlier effects left, which a later one must get under
 
 # What a base has of its own, so that it cannot be missing from it.
 INCLUDED = {
@@ -343,3 +348,130 @@ def score(found: Fit) -> float:
     """Whitened misfit and a price for each parameter (Schwarz); less is better."""
     n = len(found.residual)
     return n * np.log(found.chi2 / n) + found.parameters * np.log(n)
+
+
+@dataclass
+class Step:
+    """One effect taken in: the fit with it, its rivals at that point, what it gained."""
+
+    rivals: list[Rival]
+    gain: float  # of `score`
+    fit: Fit
+
+
+@dataclass
+class Explanation:
+    """What was found: the effects taken in, and how much is left."""
+
+    base: Baseline
+    steps: list[Step]
+    final: Fit
+    noise: list[Noise]
+    threshold: float
+    excess_before: float  # whitened misfit over the noise, a sample: base
+    excess_after: float  # the same with the effects
+    first: list[Rival]  # all rivals for the first effect, best first
+
+    @property
+    def selected(self) -> list[str]:
+        return [p.effect.id for p in self.final.guess.pieces if not p.nuisance]
+
+    @property
+    def left(self) -> float:
+        """Share of the excess that the effects do not explain."""
+        return max(self.excess_after, 0.0) / max(self.excess_before, 1e-9)
+
+
+def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
+    """Forward from the base, one effect at a time, then swaps and backward."""
+    engine, noise = base.engine, base.noise
+    pool = candidates(engine, base.name, base.fixed)
+    current = base.fit
+    steps: list[Step] = []
+    first: list[Rival] = []
+    threshold = ENTRY
+    while len(steps) < MOST_EFFECTS:
+        found, limit = rivals(engine, current, pool, rng)
+        if not steps:
+            first, threshold = found, limit
+        if not found or not enough(engine, current, found[0].fit, steps, limit):
+            break
+        gain = score(current) - score(found[0].fit)
+        steps.append(Step(found, gain, found[0].fit))
+        current = found[0].fit
+        if len(steps) > 1:
+            current = swap(engine, base.fit, steps)
+        # Better explained is better weighed: the noise is read off what is left.
+        noise = weigh(engine, current)
+        current = fit(engine, current.guess, fixed_base=base.fixed, iterations=4)
+        steps[-1].fit = current
+        base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=4)
+    current = backward(engine, base.fit, current)
+    n = len(engine.target)
+    return Explanation(
+        base,
+        steps,
+        current,
+        noise,
+        threshold,
+        base.fit.chi2 / n - 1,
+        current.chi2 / n - 1,
+        first,
+    )
+
+
+def enough(
+    engine: Engine, before: Fit, after: Fit, steps: list[Step], threshold: float
+) -> bool:
+    """Whether an effect says enough to be named.
+
+    The first must gain well over what noise gives. A later one must besides take a good
+    part of what the earlier ones left: no formula is the true one, and what its form
+    misses looks like a little of something else.
+    """
+    gain = score(before) - score(after)
+    raw = before.chi2 - after.chi2
+    if raw < 1.6 * threshold or gain < 12:
+        return False
+    if not steps:
+        return True
+    n = len(before.residual)
+    left, then = before.chi2 / n - 1, after.chi2 / n - 1
+    return (
+        gain > max(40.0, LATER_SHARE * steps[0].gain)
+        and max(then, 0.0) < LATER_LEFT * left
+    )
+
+
+def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
+    """The last pair, or a rival of the earlier effect with the later one, if better."""
+    best = steps[-1].fit
+    later = steps[-1].rivals[0].effect
+    own = next(p for p in best.guess.pieces if p.effect.id == later)
+    earlier = steps[-2]
+    for rival in earlier.rivals[1:4]:
+        if rival.effect == later or rival.fit.chi2 > base.chi2:
+            continue
+        trial = refine(engine, rival.fit, own, 10)
+        if score(trial) < score(best) - 6:
+            best = trial
+    return best
+
+
+def backward(engine: Engine, base: Fit, found: Fit) -> Fit:
+    """The fit without the effects whose removal costs nothing."""
+    names = [p.effect.id for p in found.guess.pieces if not p.nuisance]
+    if len(names) < 2:
+        return found
+    for name in names:
+        kept = tuple(p for p in found.guess.pieces if p.effect.id != name or p.nuisance)
+        without = fit(
+            engine,
+            Guess(found.guess.units, found.guess.stiffness, kept),
+            fixed_base=found.fixed_base,
+            iterations=8,
+        )
+        gain = score(without) - score(found)
+        if gain < max(40.0, 0.02 * (score(base) - score(found))):
+            return backward(engine, base, without)
+    return found

@@ -1,0 +1,14 @@
+"""Mismatch: locate it, explain it, model it, verify it.
+
+    >>> from softnn.mismatch import diagnose, read_case          # doctest: +SKIP
+    >>> diagnose(read_case("case-003")).summary                  # doctest: +SKIP
+
+Steps: the base is fitted (`base`), effects are asked and compete (`explain`), what no
+effect explains is learned (`learn`), regions are told (`locate`), and all of it is held
+against recordings left out (`verify`).
+"""
+
+from softnn.mismatch.case import Case, read_case
+from softnn.mismatch.diagnosis import Diagnosis, diagnose
+
+__all__ = ["Case", "Diagnosis", "diagnose", "read_case"]

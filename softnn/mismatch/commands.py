@@ -1,0 +1,277 @@
+"""`softnn diagnose` and `softnn simulate`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Chunk, InputError
+from softnn.models.units import BASES
+
+
+def add_diagnose(commands: Any) -> None:
+    parser = commands.add_parser(
+        "diagnose",
+        help="where a simulation and recordings differ, and which physics was left out",
+        description="Locate, explain, model and verify the mismatch of each case: a "
+        "folder with recordings/*.csv and, if wanted, case.toml.",
+    )
+    parser.add_argument("cases", nargs="+", metavar="CASE")
+    parser.add_argument("--out", required=True, metavar="DIR")
+    parser.add_argument(
+        "--model",
+        metavar="|".join(BASES) + "|FILE",
+        help="the base (default: as the case says, else its simulated_MPa, "
+        "else pl-wiechert), or a model.json",
+    )
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
+    parser.add_argument("--seed", type=int, default=0, metavar="N")
+    parser.add_argument(
+        "--tracking", metavar="URI", help="log each diagnosis to this MLflow address"
+    )
+    parser.set_defaults(run=diagnose)
+
+
+def add_simulate(commands: Any) -> None:
+    parser = commands.add_parser(
+        "simulate",
+        help="stress of a model.json over the strain of recordings",
+        description="Write time_s, strain, simulated_MPa (and stress_MPa where the "
+        "recording has it) for each recording; the stress is never used.",
+    )
+    parser.add_argument("model", metavar="MODEL.json")
+    parser.add_argument("recordings", nargs="+", metavar="RECORDING.csv")
+    parser.add_argument("--out", required=True, metavar="DIR")
+    parser.set_defaults(run=simulate)
+
+
+# -- diagnose --------------------------------------------------------------------------
+
+
+def diagnose(arguments: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    if arguments.jobs < 1:
+        raise InputError(f"--jobs is {arguments.jobs}; at least 1 is needed")
+    if arguments.model is not None:
+        _model(arguments.model)  # refuse it once, before any case
+    out = Path(arguments.out)
+    folders = [Path(c).resolve() for c in arguments.cases]
+    names = [_safe(f.name) for f in folders]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise InputError(
+                f"two cases are called {name!r}; give each a folder of its own name"
+            )
+    jobs = [
+        (str(f), str(out / n), arguments.model, arguments.seed)
+        for f, n in zip(folders, names, strict=True)
+    ]
+    workers = min(arguments.jobs, len(jobs))
+    failed = 0
+    bar = tqdm(total=len(jobs), unit="case", disable=len(jobs) < 2, file=sys.stderr)
+    for i, (line, good) in _each(jobs, workers):
+        bar.update()
+        with bar.external_write_mode(file=sys.stdout):
+            if good:
+                print(f"{names[i]}: {line}", flush=True)
+        if not good:
+            failed += 1
+            with bar.external_write_mode(file=sys.stderr):
+                print(f"softnn: {line}", file=sys.stderr, flush=True)
+    bar.close()
+    if arguments.tracking:
+        from softnn.mismatch.record import log
+
+        log(arguments.tracking, [out / n for n in names], arguments.seed)
+    return 2 if failed else 0
+
+
+def _each(jobs: Sequence[tuple], workers: int) -> Any:
+    """Results as they come, with the place of the job."""
+    if workers == 1:
+        for i, job in enumerate(jobs):
+            yield i, diagnose_one(*job)
+        return
+    # Spawned, not forked: the parent may hold threads of BLAS or torch.
+    context = get_context("spawn")
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        futures = {pool.submit(diagnose_one, *job): i for i, job in enumerate(jobs)}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+
+
+def diagnose_one(
+    folder: str, out: str, model: str | None, seed: int
+) -> tuple[str, bool]:
+    """Diagnose one case and write its files; the sentence to print, and whether well."""
+    from softnn.mismatch import diagnose as diagnose_case
+    from softnn.mismatch import read_case
+    from softnn.report import write_report
+
+    try:
+        case = read_case(folder)
+        found = diagnose_case(case, None if model is None else _model(model), seed)
+    except InputError as error:
+        return str(error), False
+    target = Path(out)
+    target.mkdir(parents=True, exist_ok=True)
+    _write(target / "diagnosis.json", found.result)
+    _write(target / "model.json", found.model)
+    _write(target / "base.json", found.base_model)
+    write_report(found, target)
+    return found.summary, True
+
+
+def _model(name: str) -> Any:
+    """A base by name, or a stored model."""
+    from softnn.mismatch.case import check_model
+    from softnn.mismatch.model_file import read_model
+
+    if name in BASES:
+        return name
+    if Path(name).suffix == ".json" or Path(name).exists():
+        return read_model(name)
+    check_model(name)
+    return name
+
+
+def _write(path: Path, value: Any) -> None:
+    path.write_text(
+        json.dumps(_plain(value), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
+
+
+def _plain(value: Any) -> Any:
+    """JSON-ready: numpy numbers as Python's, no number as null."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _safe(name: str) -> str:
+    return re.sub(r"[^\w.+-]", "_", name) or "case"
+
+
+# -- simulate --------------------------------------------------------------------------
+
+
+def simulate(arguments: argparse.Namespace) -> int:
+    import pandas as pd
+
+    from softnn.mismatch.model_file import read_model
+
+    model = read_model(arguments.model)
+    files = [Path(f) for f in arguments.recordings]
+    stems = [f.stem for f in files]
+    for i, stem in enumerate(stems):
+        if stem in stems[:i]:
+            raise InputError(f"two recordings are called {stem!r}; rename one")
+    chunks, given, measured = [], [], []
+    for file in files:
+        frame = _history(file)
+        time = frame["time_s"].to_numpy(float)
+        strain = _bridged(frame["strain"].to_numpy(float), time)
+        warm = frame.get("temperature_C")
+        chunks.append(
+            Chunk(time, strain, None if warm is None else warm.to_numpy(float))
+        )
+        simulated = frame.get("simulated_MPa")
+        given.append(
+            None
+            if simulated is None or not model.needs_simulated
+            else _bridged(simulated.to_numpy(float), time)
+        )
+        measured.append(frame.get("stress_MPa"))
+    stress = model.stress(stems, chunks, given)
+    out = Path(arguments.out)
+    out.mkdir(parents=True, exist_ok=True)
+    for file, chunk, s, m in zip(files, chunks, stress, measured, strict=True):
+        table = {"time_s": chunk.time_s, "strain": chunk.strain, "simulated_MPa": s}
+        if m is not None:
+            table["stress_MPa"] = m.to_numpy(float)
+        pd.DataFrame(table).to_csv(
+            out / f"{file.stem}.csv", index=False, float_format="%.9g"
+        )
+        print(f"{file.stem}: {len(s)} samples")
+    return 0
+
+
+def _history(file: Path) -> Any:
+    """Columns of a recording, stress not needed."""
+    import io
+
+    import pandas as pd
+
+    from softnn.readers.tidy import read_text
+
+    try:
+        frame = pd.read_csv(io.StringIO(read_text(file)))
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise InputError(f"not a CSV table: {error}", file=file) from None
+    frame.columns = [str(c).strip() for c in frame.columns]
+    for column in ("time_s", "strain"):
+        if column not in frame.columns:
+            raise InputError("no such column", file=file, row=1, column=column)
+    for column in frame.columns:
+        if column not in (
+            "time_s",
+            "strain",
+            "stress_MPa",
+            "temperature_C",
+            "simulated_MPa",
+        ):
+            continue
+        values = pd.to_numeric(frame[column], errors="coerce")
+        text = values.isna() & frame[column].notna()
+        if text.any():
+            i = int(text.to_numpy().argmax())
+            raise InputError(
+                f"{str(frame[column].iloc[i])[:40]!r} is not a number",
+                file=file,
+                row=i + 2,
+                column=column,
+            )
+        frame[column] = values.astype(float)
+    if len(frame) < 1:
+        raise InputError("no rows", file=file)
+    time = frame["time_s"].to_numpy(float)
+    if np.isnan(time).any():
+        i = int(np.isnan(time).argmax())
+        raise InputError("no time", file=file, row=i + 2, column="time_s")
+    back = np.diff(time) < 0
+    if back.any():
+        raise InputError(
+            "time goes backwards",
+            file=file,
+            row=int(back.argmax()) + 3,
+            column="time_s",
+        )
+    return frame
+
+
+def _bridged(values: Any, time: Any) -> Any:
+    bad = ~np.isfinite(values)
+    if bad.all():
+        raise InputError("a column of strain or simulation holds no number at all")
+    values = np.array(values)
+    values[bad] = np.interp(time[bad], time[~bad], values[~bad])
+    return values

@@ -1,0 +1,454 @@
+"""From a case to its diagnosis: verdict, names, regions, held-out errors, as JSON."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array, Effect, InputError
+from softnn.effects import effect
+from softnn.fit import Engine, Fit, fit
+from softnn.mismatch import locate, verify
+from softnn.mismatch.base import Baseline, baseline, given
+from softnn.mismatch.case import Case, check_model, mask_gaps, thin, to_data
+from softnn.mismatch.explain import Explanation, Rival, explain, score
+from softnn.mismatch.learn import Learned, learn
+from softnn.mismatch.model_file import Stored, to_dict
+from softnn.noise import Noise
+
+VERSION = 1
+SEARCH = 1000  # samples a recording while searching
+REPORT = 4000  # samples a recording for regions, figures and errors
+EXPLAINED, PARTLY = 0.15, 0.4  # share of the excess left, at most
+FEWEST = 30  # samples in all, below which nothing is told apart
+DEFAULT = "pl-wiechert"
+
+
+@dataclass
+class Diagnosis:
+    """What `softnn diagnose` writes, and what its figures need."""
+
+    case: Case
+    result: dict[str, Any]
+    model: dict[str, Any]
+    base_model: dict[str, Any]
+    time_s: list[Array]
+    strain: list[Array]
+    measured: list[Array]
+    before: list[Array]
+    after: list[Array]
+
+    @property
+    def summary(self) -> str:
+        return str(self.result["summary"])
+
+
+def diagnose(case: Case, model: str | Stored | None = None, seed: int = 0) -> Diagnosis:
+    """Diagnose a case with the base `model`.
+
+    None takes the model the case names, else its `simulated_MPa`, else pl-wiechert. A
+    stored model is taken as it is, not refitted. Raises `InputError` for recordings that
+    cannot be diagnosed.
+    """
+    clock = time.perf_counter()
+    rng = np.random.default_rng(seed)
+    chosen = model if model is not None else case.model
+    if isinstance(chosen, Stored):
+        case = _simulated_by(case, chosen)
+        chosen = None
+    elif chosen is not None:
+        check_model(chosen)
+    masked = mask_gaps(case)
+    short = thin(masked, SEARCH)
+    base = _base(short, chosen)
+    found = explain(base, rng)
+    full = _at_full(thin(masked, REPORT), base, found)
+    verdict, names = _verdict(base, found)
+    learned = None
+    if verdict in ("nothing_missing", "unexplained"):
+        learned = _structure(base, found, rng, verdict)
+        if learned is not None and verdict == "nothing_missing":
+            verdict = "unexplained"
+    if len(base.engine.target) < FEWEST and verdict == "nothing_missing":
+        verdict = "undetermined"
+    accepted = verdict in ("explained", "partly_explained")
+    result = _result(case, base, found, full, verdict, names, learned, rng)
+    result["seconds"] = round(time.perf_counter() - clock, 3)
+    recordings = [r.name for r in case.recordings]
+    corrected = full.after.guess if accepted else full.before.guess
+    extra = learned.to_dict() if learned is not None and not accepted else None
+    after = full.engine.by_recording(
+        full.after.stress if accepted else full.before.stress
+    )
+    return Diagnosis(
+        case,
+        result,
+        to_dict(corrected, recordings, case.history, base.fixed, extra),
+        to_dict(full.before.guess, recordings, case.history, base.fixed),
+        [c.time_s for c in full.engine.data.chunks],
+        [c.strain for c in full.engine.data.chunks],
+        list(full.engine.data.stress_MPa),
+        full.engine.by_recording(full.before.stress),
+        after,
+    )
+
+
+def _base(case: Case, model: str | None) -> Baseline:
+    data = to_data(case)
+    if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
+        raise InputError(f"{case.name}: fewer than four stresses in all; record more")
+    if data.simulated_MPa is not None and model is None:
+        return given(data, data.simulated_MPa, case.groups())
+    return baseline(data, model or DEFAULT, case.groups())
+
+
+def _simulated_by(case: Case, stored: Stored) -> Case:
+    """The case with the stress of a stored model as its simulation."""
+    data = to_data(case)
+    given_ = data.simulated_MPa or [None] * len(data.chunks)
+    stress = stored.stress(
+        data.names, data.chunks, list(given_), case.history == "continued"
+    )
+    return replace(case, simulated_MPa=tuple(stress))
+
+
+@dataclass
+class _Full:
+    """The two simulations at the resolution of the report."""
+
+    engine: Engine
+    before: Fit
+    after: Fit
+
+
+def _at_full(case: Case, base: Baseline, found: Explanation) -> _Full:
+    data = to_data(case)
+    remainder = None
+    if base.fixed and data.simulated_MPa is not None:
+        plain = Engine(data)
+        bare = replace(base.fit.guess, pieces=())
+        stand_in, _ = _all(plain, bare)
+        remainder = [
+            s - m
+            for s, m in zip(
+                data.simulated_MPa, np.split(stand_in, data.starts[1:-1]), strict=True
+            )
+        ]
+    engine = Engine(data, remainder=remainder)
+    engine.set_noise(
+        [n.sigma(s) for n, s in zip(found.noise, data.stress_MPa, strict=True)],
+        [n.correlation_s for n in found.noise],
+    )
+    before = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=2)
+    after = fit(engine, found.final.guess, fixed_base=base.fixed, iterations=3)
+    return _Full(engine, before, after)
+
+
+def _all(engine: Engine, guess: Any) -> tuple[Array, None]:
+    """Stress of every sample, those without a measured stress too."""
+    valid = engine.valid
+    engine.valid = np.ones_like(valid)
+    try:
+        return engine.run(guess, False)[0], None
+    finally:
+        engine.valid = valid
+
+
+def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
+    if not found.steps:
+        return "nothing_missing", []
+    if found.left < EXPLAINED or found.excess_after < 0.05:
+        return "explained", found.selected
+    if found.left < PARTLY:
+        return "partly_explained", found.selected
+    return "unexplained", []
+
+
+def _structure(
+    base: Baseline, found: Explanation, rng: np.random.Generator, verdict: str
+) -> Learned | None:
+    """A learned correction where the residual of the base holds more than noise."""
+    if len(base.engine.target) < FEWEST:
+        return None
+    _, top, threshold = locate.scan(base.engine, base.fit, rng)
+    if verdict == "nothing_missing" and top < 1.5 * threshold:
+        return None
+    return learn(base.engine, base.fit, rng)
+
+
+# --- what is written ------------------------------------------------------------------
+
+
+def _result(
+    case: Case,
+    base: Baseline,
+    found: Explanation,
+    full: _Full,
+    verdict: str,
+    names: list[str],
+    learned: Learned | None,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    accepted = bool(names)
+    engine = full.engine
+    sigma = engine.sigma
+    miss = engine.target - full.before.stress
+    if accepted:
+        moved = locate.action(engine, full.after)
+        mask = np.abs(moved) > locate.SIGMAS * sigma
+        regions = locate.regions(engine, mask, moved**2, moved)
+    elif verdict == "unexplained":
+        mask, _, _ = locate.scan(engine, full.before, rng)
+        regions = locate.regions(engine, mask, miss**2, miss)
+    else:
+        regions = []
+    e0, s0 = verify.heldout(base.engine, base.fit)
+    e1, s1 = verify.heldout(base.engine, found.final) if accepted else (e0, s0)
+    ratio, low, high = verify.ratio_interval(e0, e1, rng)
+    squares = float(np.sum(engine.target**2))
+    floor = float(np.sqrt(np.sum(sigma**2) / max(squares, 1e-300)))
+    before = float(np.sqrt(np.sum(miss**2) / squares))
+    left = engine.target - full.after.stress
+    after = float(np.sqrt(np.sum(left**2) / squares)) if accepted else before
+    explanations = _explanations(case, found, full, names) if accepted else []
+    result: dict[str, Any] = {
+        "case": case.name,
+        "model": base.name,
+        "version": VERSION,
+        "verdict": verdict,
+        "summary": "",
+        "selected": names,
+        "noise": _noise(found.noise, engine),
+        "mismatch": regions,
+        "explanations": explanations,
+        "fit": {
+            "before": {"nrmse": before, "heldout_nrmse": verify.nrmse_of(e0, s0)},
+            "after": {"nrmse": after, "heldout_nrmse": verify.nrmse_of(e1, s1)},
+            "heldout_ratio": ratio,
+            "heldout_ratio_95": [low, high],
+            "noise_nrmse": floor,
+            "residual_correlation": verify.whiteness(
+                base.engine, found.final if accepted else base.fit
+            ),
+            "share_left": found.left if accepted else 1.0,
+        },
+        "next_recording": _next(found, names),
+        "candidates": _candidates(base, found),
+        "structure": None
+        if learned is None
+        else {
+            "depends_on": learned.importance,
+            "heldout_ratio": learned.ratio,
+            "period": learned.period,
+        },
+    }
+    result["summary"] = _summary(result, found, names)
+    return result
+
+
+def _noise(noise: Sequence[Noise], engine: Engine) -> dict[str, Any]:
+    return {
+        "sigma_MPa": float(np.sqrt(np.mean(engine.sigma**2))),
+        "correlation_time_s": float(np.median([n.correlation_s for n in noise])),
+        "share_of_stress": float(np.median([n.share for n in noise])),
+        "step_MPa": float(max(n.step_MPa for n in noise)),
+    }
+
+
+def _explanations(
+    case: Case, found: Explanation, full: _Full, names: list[str]
+) -> list[dict[str, Any]]:
+    limits = verify.intervals(full.after)
+    out = []
+    for index, piece in enumerate(full.after.guess.pieces):
+        if piece.nuisance or piece.effect.id not in names:
+            continue
+        law = piece.effect
+        parameters: dict[str, Any] = {}
+        for p in law.parameters:
+            value = piece.values[p.name]
+            if not np.ndim(value):
+                low, high = limits.get(
+                    (index, p.name, None), (float(value), float(value))
+                )
+                parameters[p.name] = {
+                    "value": float(value),
+                    "low": float(low),
+                    "high": float(high),
+                    "unit": p.unit,
+                }
+                continue
+            for group in piece.groups:
+                low, high = limits.get((index, p.name, group), (np.nan, np.nan))
+                for r in group:
+                    parameters[f"{p.name} of {full.engine.data.names[r]}"] = {
+                        "value": float(value[r]),
+                        "low": float(low),
+                        "high": float(high),
+                        "unit": p.unit,
+                    }
+        rivals = next(
+            (s.rivals for s in found.steps if s.rivals[0].effect == law.id), found.first
+        )
+        same = equivalent(found, rivals, law)
+        bare = replace(
+            full.after.guess,
+            pieces=tuple(q for q in full.after.guess.pieces if q is not piece),
+        )
+        without, _ = full.engine.run(bare, False)
+        acts = np.abs(full.after.stress - without) > 2 * full.engine.sigma
+        where = [
+            full.engine.data.names[r]
+            for r in range(len(full.engine.chunks))
+            if acts[full.engine.owner == r].any()
+        ]
+        refit = fit(full.engine, bare, fixed_base=full.after.fixed_base, iterations=3)
+        squares = float(np.sum(full.engine.target**2))
+        out.append(
+            {
+                "effect": law.id,
+                "stage": law.stage,
+                "form": law.form,
+                "probability": _probability(found, rivals, law.id),
+                "parameters": parameters,
+                "where": law.where,
+                "equivalent": same,
+                "recordings": where,
+                "nrmse_without": float(
+                    np.sqrt(np.sum((full.engine.target - refit.stress) ** 2) / squares)
+                ),
+            }
+        )
+    return out
+
+
+def equivalent(found: Explanation, rivals: Sequence[Rival], law: Effect) -> list[str]:
+    """Rivals that reproduce the stress of the chosen effect within the noise."""
+    own = next((r for r in rivals if r.effect == law.id), None)
+    if own is None:
+        return []
+    engine = found.base.engine
+    out = []
+    for rival in rivals:
+        if rival.effect == law.id:
+            continue
+        apart = engine.whiten(rival.fit.stress - own.fit.stress)
+        if float(apart @ apart) < 1.6 * found.threshold:
+            out.append(rival.effect)
+    return out
+
+
+def _probability(found: Explanation, rivals: Sequence[Rival], name: str) -> float:
+    """Weight of an effect among its rivals, tempered, less what is left unexplained.
+
+    No form here is the true one, so a difference of evidence counts a fifth of what it
+    would count if one were.
+    """
+    scores = np.array([score(r.fit) for r in rivals])
+    if not len(scores):
+        return 0.0
+    weight = np.exp(-(scores - scores.min()) / 10)
+    weight /= weight.sum()
+    own = next((i for i, r in enumerate(rivals) if r.effect == name), 0)
+    return round(float(weight[own] * (1 - min(found.left, 1.0))), 4)
+
+
+def _candidates(base: Baseline, found: Explanation) -> list[dict[str, Any]]:
+    errors, squares = verify.heldout(base.engine, base.fit)
+    out = [
+        {
+            "effect": None,
+            "heldout_nrmse": verify.nrmse_of(errors, squares),
+            "evidence": 0.0,
+            "seconds": 0.0,
+        }
+    ]
+    for rival in found.first:
+        errors, squares = verify.heldout(base.engine, rival.fit)
+        out.append(
+            {
+                "effect": rival.effect,
+                "heldout_nrmse": verify.nrmse_of(errors, squares),
+                "evidence": float(score(found.base.fit) - score(rival.fit)),
+                "seconds": round(rival.seconds, 3),
+            }
+        )
+    return out
+
+
+def _next(found: Explanation, names: list[str]) -> dict[str, Any] | None:
+    """The recording that would tell the choice from its nearest rival."""
+    for step in found.steps or []:
+        best = step.rivals[0]
+        law = effect(best.effect)
+        for rival in step.rivals[1:4]:
+            text = law.twins.get(rival.effect) or effect(rival.effect).twins.get(
+                best.effect
+            )
+            if text:
+                return {
+                    "strain_programme": text,
+                    "separates": [best.effect, rival.effect],
+                    "why": f"{rival.effect} comes nearest to {best.effect} here; they "
+                    "part where one of them does not show",
+                }
+    if found.first and not names:
+        law = effect(found.first[0].effect)
+        for other, text in law.twins.items():
+            return {
+                "strain_programme": text,
+                "separates": [law.id, other],
+                "why": f"{law.id} comes nearest, but does not explain enough",
+            }
+    return None
+
+
+PHRASES = {
+    "nothing_missing": "Nothing is missing: what is left of {before} is noise "
+    "({noise}).",
+    "unexplained": "The simulation misses something that no known effect explains: the "
+    "error on recordings not used is {before}, the noise {noise}.{structure}",
+    "undetermined": "Too little was recorded to tell whether anything is missing.",
+}
+
+
+def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> str:
+    fit_ = result["fit"]
+
+    def percent(x: float) -> str:
+        return f"{100 * x:.2g} %"
+
+    verdict = result["verdict"]
+    if verdict in PHRASES:
+        structure = result.get("structure")
+        told = ""
+        if structure and structure["depends_on"]:
+            told = f" It depends on {next(iter(structure['depends_on']))} most."
+        if structure and structure["period"]:
+            period = structure["period"]
+            told += (
+                f" It comes back every {period['period']:.3g} {period['unit']} of "
+                f"{period['axis']}."
+            )
+        return PHRASES[verdict].format(
+            before=percent(fit_["before"]["heldout_nrmse"]),
+            noise=percent(fit_["noise_nrmse"]),
+            structure=told,
+        )
+    share = {"simulation too stiff": 0.0, "simulation too soft": 0.0}
+    for region in result["mismatch"]:
+        share[region["sign"]] += region["share"]
+    sign = max(share, key=lambda k: share[k])
+    spoken = " and ".join(n.replace("_", " ") for n in names)
+    verb = "was" if len(names) == 1 else "were"
+    where = effect(names[0]).where
+    part = "" if verdict == "explained" else " Part of the mismatch stays unexplained."
+    return (
+        f"The {sign} {where}: {spoken} {verb} left out. With {'it' if len(names) == 1 else 'them'} "
+        f"the error on recordings not used goes from {percent(fit_['before']['heldout_nrmse'])} "
+        f"to {percent(fit_['after']['heldout_nrmse'])} (noise {percent(fit_['noise_nrmse'])}).{part}"
+    )
