@@ -203,12 +203,14 @@ def draw_setting(rng: np.random.Generator, order: Order) -> Setting:
         tuple(float(g) for g in gains),
         specimens,
         "thermal_softening" in effects or bool(rng.random() < 0.15),
-        float(rng.choice(LEVELS)),
+        LEVELS[-1],
     )
     branches = {"hooke": 0, "sls": 1, "pl-sls": 1}.get(model, int(rng.integers(2, 5)))
     while True:
         base = draw_base(rng, peak, not model.startswith("pl-"), branches)
-        setting = replace(setting, base=base)
+        # A level of its own to every try: a bent spring comes with the louder ones.
+        level = float(rng.choice(LEVELS))
+        setting = replace(setting, base=base, level=level)
         stress = setting.sampled(setting.bare())
         sigma = setting.level * float(np.ptp(stress))
         # A spring that 16 segments cannot follow would be a mismatch of its own.
