@@ -199,6 +199,8 @@ def _toe(
     ends = np.searchsorted(ceiling, ceiling[starts] + level) + 1
     ends = np.minimum(np.maximum(ends, starts + 5), len(x))
     slopes, at_zero = _lines(x, y, starts, ends)
+    if slopes.max() <= 0:
+        return none
     first = int(np.flatnonzero(slopes >= share * slopes.max())[0])
     # The first chord may straddle the bend; the steepest that starts in it does not.
     overlapping = np.flatnonzero(starts < ends[first])
@@ -227,8 +229,9 @@ def _lines(x: Array, y: Array, starts: Indices, ends: Indices) -> tuple[Array, A
     sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (x, y, x * x, x * y)]
     n = ends - starts
     sx, sy, sxx, sxy = (s[ends] - s[starts] for s in sums)
-    spread = np.maximum(sxx - sx * sx / n, np.finfo(float).tiny)
-    slope = (sxy - sx * sy / n) / spread
+    spread = sxx - sx * sx / n
+    moves = spread > 1e-12 * sxx  # where the strain stands there is no slope
+    slope = np.where(moves, sxy - sx * sy / n, 0) / np.where(moves, spread, 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         at_zero = sx / n - sy / n / slope
     return slope, at_zero
@@ -279,6 +282,11 @@ def _mean(group: Sequence[Recording], samples: int | None) -> Recording:
     sign = sign_of(group[0])
     curves = [rising(r) for r in group]
     ends = np.array([x[-1] for x, _, _ in curves])
+    if ends.mean() <= 0:
+        raise InputError(
+            f"the mean ultimate strain is {sign * ends.mean():.3g}, against the sense "
+            "of the stress; prepare the specimens first"
+        )
     number = samples or int(np.median([len(r) for r in group]))
     grid = np.linspace(0, ends.mean(), max(number, 2))
     stress, time = (_mean_curve(grid, [(c[0], c[i]) for c in curves]) for i in (1, 2))
@@ -308,11 +316,13 @@ def _mean(group: Sequence[Recording], samples: int | None) -> Recording:
 
 def _mean_curve(grid: Array, curves: Sequence[tuple[Array, Array]]) -> Array:
     """Mean of the curves' increments over those that reach, summed from the start."""
-    rows = np.array([np.interp(grid, x, v - v[0], right=np.nan) for x, v in curves])
-    # A last point that misses the end of the grid by rounding is the end.
-    longest = max(range(len(curves)), key=lambda i: curves[i][0][-1])
-    if np.isnan(rows[longest, -1]):
-        rows[longest, -1] = curves[longest][1][-1] - curves[longest][1][0]
+    # An end that misses the grid by rounding is on the grid.
+    rows = np.array(
+        [
+            np.where(grid <= x[-1] * (1 + 1e-9), np.interp(grid, x, v - v[0]), np.nan)
+            for x, v in curves
+        ]
+    )
     start = np.mean([v[0] for _, v in curves])
     steps = np.nanmean(np.diff(rows, axis=1), axis=0)
     return start + np.concatenate([[0.0], np.cumsum(steps)])
@@ -386,8 +396,8 @@ def peak_to_peak(values: Array) -> float:
 
 def _one_second(time_s: Array) -> int:
     """Samples in one second, odd, counted by the median step."""
-    step = float(np.median(np.diff(time_s)))
-    count = round(1 / step) if step > 0 else len(time_s)
+    step = max(float(np.median(np.diff(time_s))), 1 / len(time_s))
+    count = round(1 / step)
     return count - 1 + count % 2
 
 

@@ -47,59 +47,67 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
 
     def work() -> None:
-        began = datetime.now()
-        smoke = options.smoke
+        smoke, whole = options.smoke, options.data is None
         home = common.RUNS / "smoke" if smoke else common.RUNS
-        whole = options.data is None
+        place = common.results_folder(smoke) if whole else home / "results"
         found: dict[str, Any] = {}
         figures: list[Path] = []
-        place = common.results_folder(smoke) if whole else home / "results"
         if whole or options.data == "virtual":
             names = ("NatPolR",) if smoke else MATERIALS
             resamples = 5 if smoke else options.resamples
             found["virtual"] = made = of_virtual(names, options.seed, resamples)
-            drawn = property_figures.of_virtual(made.pop("drawn"))
-            for name, figure in drawn.items():
+            for name, figure in property_figures.of_virtual(made.pop("drawn")).items():
                 figures += common.save_figure(figure, f"properties_{name}", place)
-        wanted = [] if smoke or not whole else property_sets.available()
-        if options.data not in (None, "virtual"):
-            wanted = [options.data]
-        for source in wanted:
+        for source in _real(options.data, smoke):
             label = Path(source).stem
             found[label] = property_sets.of_set(source)
-            curves = found[label].pop("drawn")
-            if curves:
-                figure = property_figures.of_set(curves)
-                # Not into the project: a drawn curve is the recording, most of
-                # which carry no licence.
-                name, runs = f"properties_{label}", home / "results"
-                figures += common.save_figure(figure, name, runs)
-        headline = headline_of(found)
-        text = report(found)
+            if curves := found[label].pop("drawn"):
+                # Not into the project: a drawn curve is the recording, and most of
+                # the sets carry no licence.
+                drawn, runs = property_figures.of_set(curves), home / "results"
+                figures += common.save_figure(drawn, f"properties_{label}", runs)
+        hashes = {label: one.pop("data_sha256") for label, one in found.items()}
+        headline, text = headline_of(found), report(found)
         print(text)
         name = "properties" if whole else f"properties-{Path(options.data).stem}"
-        hashes = {source: one.pop("data_sha256") for source, one in found.items()}
         path = common.write_result(
             name, headline, found, seed=options.seed, data=hashes, folder=place
         )
         uri = options.tracking or f"sqlite:///{(home / 'mlflow.db').as_posix()}"
-        identity = common.fingerprint([hashes, began.isoformat()])
-        with Tracker(
-            uri,
-            "properties",
-            study=f"properties {','.join(found)}",
-            identity=identity,
-            name=", ".join(found),
-            parameters={"seed": options.seed, "bend": BEND},
-            data=(next(iter(hashes), "none"), common.fingerprint(hashes)),
-        ) as tracker:
-            metrics = {k: v for k, v in headline.items() if not isinstance(v, str)}
-            tracker.result(
-                metrics, note=noted(headline), files=figures, texts={f"{name}.md": text}
-            )
+        track(uri, options.seed, headline, hashes, figures, {f"{name}.md": text})
         print(f"\nresult: {path}; figures: {_listed(figures)}; runs: {uri}")
 
     return common.guarded(work)
+
+
+def _real(source: str | None, smoke: bool) -> list[str]:
+    """The real sets that are asked for: all there are, one, or none."""
+    if source is None:
+        return [] if smoke else property_sets.available()
+    return [] if source == "virtual" else [source]
+
+
+def track(
+    uri: str,
+    seed: int,
+    headline: dict[str, Any],
+    hashes: dict[str, str],
+    figures: Sequence[Path],
+    texts: dict[str, str],
+) -> None:
+    """One run in MLflow: the headline, the tables and the figures."""
+    with Tracker(
+        uri,
+        "properties",
+        study=f"properties {','.join(hashes)}",
+        identity=common.fingerprint([hashes, datetime.now().isoformat()]),
+        name=", ".join(hashes),
+        parameters={"seed": seed, "bend": BEND},
+        data=(next(iter(hashes)), common.fingerprint(hashes)),
+    ) as tracker:
+        rows = [[k, f"{v:.4g}"] for k, v in headline.items()]
+        note = common.markdown(["figure", "value"], rows)
+        tracker.result(headline, note=note, files=figures, texts=texts)
 
 
 def _listed(files: Sequence[Path]) -> str:
@@ -318,12 +326,6 @@ def _change(bends: Sequence[Row], key: str, bend: float) -> float:
     """Median relative change of a property from the default bend to `bend`."""
     pairs = [(b["by_bend"][f"{bend:g}"], b["by_bend"][f"{BEND:g}"]) for b in bends]
     return float(np.nanmedian([new[key] / old[key] - 1 for new, old in pairs]))
-
-
-def noted(headline: dict[str, Any]) -> str:
-    """The headline as a table, for the description of the run."""
-    rows = [[k, f"{v:.4g}"] for k, v in headline.items()]
-    return common.markdown(["figure", "value"], rows)
 
 
 def report(found: dict[str, Any]) -> str:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
 from softnn import prepare
@@ -289,6 +293,29 @@ def test_missing_values_are_left_out_and_counted():
     stress[5:8] = np.nan
     ready = prepare.specimen(Recording(raw.time_s, raw.strain, stress))
     assert ready.log[0].arguments == {"removed": 3}
+
+
+def rounded(low, high):
+    return st.floats(low, high).map(lambda v: round(v, 9))  # as a file writes them
+
+
+VALUES = st.one_of(
+    rounded(-10, 10), st.just(0.0), st.just(float("nan")), rounded(-1e-6, 1e9)
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(rounded(0, 10), VALUES, VALUES), min_size=2, max_size=60))
+def test_any_numbers_give_a_specimen_or_one_line(rows):
+    steps, strain, stress = np.array(rows).T
+    with contextlib.suppress(InputError):
+        raw = Recording(np.cumsum(steps), strain, stress)
+        ready = prepare.specimen(raw, samples=20)
+        assert len(ready) == 20
+        assert np.isfinite(ready.stress_MPa).all()
+        assert prepare.segments(ready)[-1].stop == 20
+        (mean,) = prepare.unify([ready, ready])
+        assert np.isfinite(mean.stress_MPa).all()
 
 
 # --- cycles and holds ----------------------------------------------------------------
