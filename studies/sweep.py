@@ -235,6 +235,11 @@ class Sweep:
             return str(reason)
         return None
 
+    def expect(self, more: int) -> None:
+        """Lengthen the progress bar by so many trials."""
+        self._bar.total += more
+        self._bar.refresh()
+
     def run(self, objective: Objective | None = None, **parameters: Value) -> Finished:
         """The trial of these parameters, now or from the store."""
         return self._keep(self.search.run(parameters, objective or self.trainer))

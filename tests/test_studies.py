@@ -23,6 +23,7 @@ from softnn.search import Finished
 from studies import neurons
 from studies.common import write_result
 from studies.material_data import Data, first_loading, prepared
+from studies.neurons_report import published
 from studies.settings import Settings, parse_neurons
 from studies.sweep import Trainer
 
@@ -140,8 +141,21 @@ def test_rule_of_the_thesis(r2, chosen):
     assert neurons.pick(grid).parameters["neurons"] == chosen
 
 
+def test_fewest_neurons_within_one_standard_error():
+    r2 = {1: [0.90, 0.92], 2: [0.94, 0.95], 3: [0.94, 0.96], 4: [0.95, 0.97]}
+    now = datetime(2026, 1, 1)
+    grid = [
+        Finished(
+            0, {"neurons": n}, 0.0, {"r2": v, "r2_mean": np.mean(v)}, now, now, False
+        )
+        for n, v in r2.items()
+    ]
+    # The largest mean is 0.96, its standard error 0.0141 / sqrt(2) = 0.01.
+    assert neurons.fewest(grid).parameters["neurons"] == 3
+
+
 def test_published_rows_are_fractions():
-    rows = neurons.published("NR")
+    rows = published("NR")
     assert [(r["model"], r["nrmse"], r["r2"]) for r in rows] == [
         ("thesis: network", pytest.approx(0.0122), pytest.approx(0.999)),
         ("thesis: PL-SLS", pytest.approx(0.0136), None),
@@ -208,7 +222,7 @@ def test_refusals_are_one_line(options, said, tmp_path, monkeypatch, capsys):
 
 # --- stopping and going on ------------------------------------------------------------
 
-COMPLETE = 6 + 2  # counts, and two more splits of the best
+COMPLETE = 6 + 2 + 2  # counts, and two more splits of the best and the fewest
 
 
 def run(folder: Path, *more: str, **options) -> subprocess.Popen:
