@@ -675,6 +675,7 @@ def test_scores_counted_by_hand():
         (answer_of("single", "zero_offset"), said("explained", "zero_offset")),
         (answer_of("single", "zero_offset"), said("explained", "gain_error")),
         (answer_of("single", "slack"), said("explained", "zero_offset")),
+        (answer_of("single", "inertia"), said("explained", "inertia", "gain_error")),
         (answer_of("single", "slack", power=0.2), said("nothing_missing")),
         (answer_of("null"), said("nothing_missing")),
         (answer_of("null"), said("explained", "slack")),
@@ -688,12 +689,13 @@ def test_scores_counted_by_hand():
     simulated = {"0": np.array([1.004, 1.996])}
     found = scoring.score(answers, diagnoses, times, simulated)
     assert found["groups"]["single"]["right"] == 1
-    assert found["groups"]["single"]["of"] == 4
+    assert found["groups"]["single"]["of"] == 5
     assert found["groups"]["null"]["rate"] == 0.5
     assert found["effects"]["zero_offset"]["rate"] == 0.5
     assert found["confusion"]["zero_offset"] == {"zero_offset": 1, "gain_error": 1}
     assert found["confusion"]["slack"] == {"zero_offset": 1, "nothing_missing": 1}
-    assert found["power"] == pytest.approx((1 / 4) / ((1 + 1 + 1 + 0.2) / 4))
+    assert found["confusion"]["inertia"] == {"it and more": 1}
+    assert found["power"] == pytest.approx((2 / 5) / ((4 + 0.2) / 5))
     assert found["unseen_over_floor"] == pytest.approx(5 / 3)
     assert found["unseen_of"] == 1
     assert found["heldout_over_floor"] == pytest.approx(0.021 / 0.02)
@@ -701,9 +703,10 @@ def test_scores_counted_by_hand():
     assert causes == {
         "1": "another effect named",
         "2": "listed as equivalent to what was named",
-        "3": "not visible in these recordings, the oracle's power is below 0.8",
-        "5": "something named where nothing is missing",
-        "7": "no diagnosis was written",
+        "3": "right, and more",
+        "4": "not visible in these recordings, the oracle's power is below 0.8",
+        "6": "something named where nothing is missing",
+        "8": "no diagnosis was written",
     }
 
 

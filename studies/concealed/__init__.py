@@ -12,7 +12,19 @@ cannot succeed by meeting its own formulae again. One fine uniform clock
     unlisted.py     things that are on no list
     noises.py       noise: white, coloured, heteroscedastic, quantised
     oracle.py       what a refit absorbs, and whether the rest can be seen at all
+    rivals.py       whether another effect could have made the same recordings
     forge.py        a case: drawn, run, written; answers to the sealed key
     scoring.py      diagnoses against the key
     trial.py        forge, diagnose, open the key, score, record
+
+Where an effect has a size in the specification, a test reads it off forged signals.
+Those that have none: a bent spring at least doubles its tangent stiffness; branches are
+two to three times as stiff, or a half to a third, at the largest strain; the inertial
+stress reaches 5-12 % of the peak in the sine; a buckled strip bears at most 4 % of its
+stiffness; branches of finite strain are that altogether, at strains of 0.8 to 2.2. At a
+strength below 1 the last two, and the bent spring, are blended with what they replace.
+
+The base of a case leaves nothing out but what is planted: its springs are drawn until
+the best 16 straight segments leave less than chance does (`oracle.adequate`), and its
+relaxation times lie between 0.3 s and 50 s, within what the recordings show.
 """

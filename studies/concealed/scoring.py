@@ -18,7 +18,7 @@ import pandas as pd
 from studies.concealed.forge import NAMES
 
 CONFIDENT = 0.5  # a name given this probability or more is asserted
-SEVERAL = "several"
+AND_MORE, SEVERAL = "it and more", "several"
 VERDICTS = ("nothing_missing", "undetermined", "unexplained", "no diagnosis")
 ABSENT: dict[str, Any] = {"verdict": "no diagnosis", "selected": [], "mismatch": []}
 
@@ -98,14 +98,17 @@ def right(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> bool:
     return named and set(diagnosis["selected"]) == set(answer["effects"])
 
 
-def column(diagnosis: Mapping[str, Any]) -> str:
+def column(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> str:
     """Where a diagnosis falls in the confusion matrix."""
     if diagnosis["verdict"] in VERDICTS:
         return str(diagnosis["verdict"])
     selected = diagnosis["selected"]
     if not selected:
         return "unexplained"
-    return str(selected[0]) if len(selected) == 1 else SEVERAL
+    if len(selected) == 1:
+        return str(selected[0])
+    one = answer["group"] == "single" and answer["effects"][0] in selected
+    return AND_MORE if one else SEVERAL
 
 
 def mask_of(spans: Sequence[Sequence[int]], samples: int) -> np.ndarray:
@@ -214,7 +217,7 @@ def score(
                 "group": answer["group"],
                 "effects": "+".join(answer["effects"]),
                 "right": right(answer, d),
-                "column": column(d),
+                "column": column(answer, d),
                 "verdict": d["verdict"],
                 "selected": list(d["selected"]),
                 "equivalent": sorted(equivalents(d) - set(d["selected"])),
