@@ -129,7 +129,7 @@ def _first_range(x: Array, y: Array, bend: float, noise: float) -> int:
         bent = np.sqrt((y2**2 / square + y3**2 / cube) / n)
         rise = np.abs(y1 / centred(1, 1) * u)
     # A crosshead that starts shakes the load: the first samples may be noisier.
-    doubt = 3 * max(noise, prepare.noise(y[:32])) / np.sqrt(n)
+    doubt = 3 * max(noise, prepare.white_noise(y[:32])) / np.sqrt(n)
     straight = np.flatnonzero(bent <= np.maximum(bend * rise, doubt))
     straight = straight[straight >= 5]
     if not straight.size:

@@ -229,7 +229,7 @@ def test_smoothing_takes_noise_away_and_not_the_bend():
 
 def test_noise_of_white_noise_on_a_curve():
     noisy = pulled(neo_hookean, noise=0.02, n=20001)
-    assert prepare.noise(noisy.stress_MPa) == pytest.approx(0.02, rel=0.03)
+    assert prepare.white_noise(noisy.stress_MPa) == pytest.approx(0.02, rel=0.03)
 
 
 def test_negative_offset_goes_and_a_positive_one_stays():
