@@ -26,7 +26,7 @@ from softnn.models.fit_piecewise import (
 from softnn.models.segments import Equal, Optimal, Tolerance
 from studies.baselines import MODELS, TOLERANCES
 from studies.common import COLOURS, FAINT, INK, markdown, percent
-from studies.piecewise import Case, Work, carry_out, panels
+from studies.piecewise import Case, Work, carry_out, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -238,11 +238,10 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
             )
         axes.set_title(case.material[:28])
         axes.set_xlabel("strain")
+        axes.locator_params(axis="x", nbins=5)
         axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
     grid[0].set_ylabel("stress [MPa]")
-    figure.legend(
-        *grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=3
-    )
+    legend_below(figure, grid[0], len(grid))
     return figure
 
 

@@ -26,7 +26,7 @@ from softnn.models.relaxation import (
 )
 from studies.baselines import RelaxationTest, late_tau
 from studies.common import COLOURS, FAINT, INK, markdown, percent
-from studies.piecewise import Case, Work, carry_out, panels
+from studies.piecewise import Case, Work, carry_out, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -176,9 +176,7 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
         axes.set_xlabel("time [s]")
         axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
     grid[0].set_ylabel("modulus [MPa]")
-    figure.legend(
-        *grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=4
-    )
+    legend_below(figure, grid[0], len(grid))
     return figure
 
 

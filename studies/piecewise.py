@@ -263,6 +263,15 @@ def panels(number: int, height: float = 2.4, columns: int = 4) -> tuple[Figure, 
     return figure, grid[:number]
 
 
+def legend_below(figure: Figure, axes: Axes, number: int) -> None:
+    """One legend for all panels, as wide as they are."""
+    handles, labels = axes.get_legend_handles_labels()
+    columns = 3 if number > 2 else 1
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=columns, fontsize=8
+    )
+
+
 def speed_label(case: Case, curve: Recording) -> str:
     """The rate of a curve: a crosshead speed for the virtual materials."""
     rate = curve.rate_per_s

@@ -3,8 +3,9 @@
 Table 5.2 and Figs 5.16 to 5.19 of the thesis: the generalisation error (eq. 5.13) of
 PL-SLS and PL-Wiechert with the strain-dependent stiffness k* taken from one rate, the
 published values beside. Beyond the thesis: k* from each of the rates in turn; every
-reading of the way to branches; springs and branches fitted to all rates together; each
-rate foretold from the others; and Std. Lin. SDS on the same footing.
+reading of the way to branches; branches at a share of their stiffness; springs and
+branches fitted to all rates together; each rate foretold from the others; and Std. Lin.
+SDS on the same footing.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from studies.baselines import (
     described,
     jointly,
     rate_errors,
+    softened,
 )
 from studies.common import COLOURS, FAINT, markdown, percent
 from studies.piecewise import RULES, Case, Work, carry_out, panels, speed_label
@@ -46,6 +48,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
         speed_label(case, c): choices(case.curves, case.variants, [c])
         for c in case.curves
     }
+    soft_found = choices(case.curves, softened(case.variants), [case.fitted])
     seconds = time.perf_counter() - began
     thesis = speed_label(case, case.fitted)
     models: dict[str, Any] = {}
@@ -58,6 +61,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
         literal = [c for c in found[thesis] if c.variant.rule == RULES[model]]
         shown[model] = best(literal, model)
         any_reading = best(found[thesis], model)
+        soft = best(soft_found, model)
         by_rate = {
             rate: described(best(fits, model), case.curves)
             for rate, fits in found.items()
@@ -69,6 +73,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
             "fitted_at": thesis,
             "as_in_thesis": described(shown[model], case.curves),
             "any_reading": described(any_reading, case.curves),
+            "softened": described(soft, case.curves),
             "fitted_at_each_rate": by_rate,
             "joint": joint,
             "each_rate_from_the_others": apart,
@@ -78,6 +83,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
         headline |= {
             f"{key}_ge": shown[model].generalisation_error,
             f"{key}_ge_any_reading": any_reading.generalisation_error,
+            f"{key}_ge_softened": soft.generalisation_error,
             f"{key}_ge_best_rate": min(
                 e["generalisation_error"] for e in by_rate.values()
             ),
@@ -86,6 +92,9 @@ def study(work: Work, case: Case) -> dict[str, Any]:
         }
         rows.append(_row(f"{model}, k* at {thesis}", models[model]["as_in_thesis"]))
         rows.append(_row("  any reading of the branches", models[model]["any_reading"]))
+        rows.append(
+            _row("  branches at the best share of it", models[model]["softened"])
+        )
         for rate, entry in by_rate.items():
             if rate != thesis:
                 rows.append(_row(f"  k* at {rate}", entry))
@@ -169,7 +178,8 @@ def _row(name: str, entry: dict[str, Any]) -> list[Any]:
         percent(entry["tolerance"], 0),
         entry["segments"],
         entry["branches"],
-        f"{entry['rule']}, strain {entry['held_strain']:.2f}",
+        f"{entry['rule']}, strain {entry['held_strain']:.2f}"
+        + (f", times {entry['share']:g}" if entry["share"] != 1 else ""),
     ]
 
 
@@ -228,6 +238,7 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
         axes.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
         axes.set_title(case.material[:28])
         axes.set_xlabel("strain")
+        axes.locator_params(axis="x", nbins=5)
         axes.legend(fontsize=6)
         axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
     grid[0].set_ylabel("stress [MPa]")

@@ -18,7 +18,7 @@ from softnn.models.fit_piecewise import branch_stress, fit_elastic, skeleton, sw
 from softnn.models.segments import Equal, Knots, Optimal, Tolerance
 from studies.baselines import MODELS
 from studies.common import COLOURS, FAINT, markdown, percent
-from studies.piecewise import Case, Work, carry_out, panels
+from studies.piecewise import Case, Work, carry_out, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -174,8 +174,7 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
         )
         axes.set_ylim(bottom=max(low / 2, 5e-3))
     grid[0].set_ylabel("NRMSE [%]")
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
+    legend_below(figure, grid[0], len(grid))
     return figure
 
 

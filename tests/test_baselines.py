@@ -15,11 +15,14 @@ from softnn.models import PLSLS, Maxwell
 from softnn.recording import Recording
 from studies import accuracy, rates, segments
 from studies.baselines import (
+    best,
+    choices,
     hold_of,
     late_tau,
     like_for_like,
     piecewise_baselines,
     relaxation_tests,
+    softened,
     variants,
 )
 from studies.piecewise import cases
@@ -115,6 +118,23 @@ def test_a_held_out_recording_lends_no_hold():
     for model in ("PL-SLS", "PL-Wiechert"):
         assert "no hold" in found[model]["as_in_thesis"]["not_possible"]
         assert found[model]["joint"]["nrmse"] < 0.02
+
+
+def test_a_share_of_the_branches_is_found():
+    # The hold shows branches of 0.8 MPa, the tensile curves carry 0.4 of that.
+    curves = []
+    for rate in RATES:
+        strain = np.linspace(0, 1.5, 300)
+        weak = PLANTED | {"stiffness": 0.4 * PLANTED["stiffness"]}
+        stress, _ = MODEL.apply(weak, Chunk(strain / rate, strain))
+        curves.append(replace(pulled(rate, "a"), stress_MPa=stress))
+    readings = list(variants([held(0.3)]))
+    plain, soft = (
+        best(choices(curves, v), "PL-SLS") for v in (readings, softened(readings))
+    )
+    assert soft.variant.share == 0.4
+    assert soft.variant.rule == "tau of the decaying part"
+    assert soft.generalisation_error < 0.01 < plain.generalisation_error
 
 
 def test_without_a_hold_there_is_no_piecewise_model():

@@ -10,7 +10,7 @@ collocation at log-spaced times (eq. 5.3), non-negative least squares.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +50,12 @@ class Relaxation:
             for j, (k, tau) in enumerate(pairs, start=1)
             for name, value in ((f"stiffness_{j}", k), (f"relaxation_time_{j}", tau))
         }
+
+    def scaled(self, share: float) -> Relaxation:
+        """The branches at a share of their stiffness; the lone spring is left alone."""
+        stiffness = tuple(share * k for k in self.stiffness)
+        method = f"{self.method}, times {share:g}"
+        return replace(self, stiffness=stiffness, method=method, rmse=float("nan"))
 
     def modulus(self, time_s: ArrayLike) -> Array:
         """Relaxation modulus (n,), MPa, at time_s (n,) after the strain was reached."""
