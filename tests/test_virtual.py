@@ -120,7 +120,7 @@ def test_every_specimen_slacks_holds_and_breaks():
 
 def test_the_load_cell_has_the_noise_and_resolution_it_declares():
     r = virtual.relaxation("NR")[0]
-    level = prepare.noise(r.force_N[r.time_s > 200])
+    level = prepare.white_noise(r.force_N[r.time_s > 200])
     assert level == pytest.approx(virtual.NOISE_N, rel=0.1)
     counts = r.force_N / virtual.RESOLUTION_N
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
