@@ -38,6 +38,9 @@ for _library in ("mlflow", "alembic"):
 PARENT = "mlflow.parentRunId"  # MLflow's own tags: its UI nests, names and describes
 NAME = "mlflow.runName"  # runs by them
 NOTE = "mlflow.note.content"
+SOURCE = {"mlflow.source.type": "LOCAL", "mlflow.source.name": "softnn"}
+# Without it the UI takes an experiment for one with language models.
+KIND = {"mlflow.experimentKind": "custom_model_development"}
 STUDY, IDENTITY, TRIAL = "softnn.study", "softnn.identity", "softnn.trial"
 BATCH = 1000  # metrics that MLflow takes in one call
 
@@ -74,7 +77,7 @@ class Tracker:
             elif run.info.status == "RUNNING":
                 self._client.set_terminated(run.info.run_id, "KILLED")
         if parent is None:
-            tags = {NAME: name, STUDY: study, IDENTITY: identity}
+            tags = {NAME: name, STUDY: study, IDENTITY: identity, **SOURCE}
             parent = self._client.create_run(self.experiment_id, tags=tags)
         self.run_id: str = parent.info.run_id
         self._client.update_run(self.run_id, status="RUNNING")
@@ -121,7 +124,8 @@ class Tracker:
         if run is not None and run.info.status == "FINISHED":
             return run.info.run_id
         if run is None:
-            about = {NAME: name, TRIAL: name, PARENT: self.run_id, **(tags or {})}
+            about = {NAME: name, TRIAL: name, PARENT: self.run_id, **SOURCE}
+            about |= tags or {}
             run = self._client.create_run(
                 self.experiment_id, start_time=_milliseconds(started), tags=about
             )
@@ -217,7 +221,7 @@ def _experiment(client: MlflowClient, uri: str, name: str) -> Experiment:
         file = _sqlite_file(uri)
         place = (file.parent / "artifacts" / name).resolve().as_uri() if file else None
         try:
-            return client.get_experiment(client.create_experiment(name, place))
+            return client.get_experiment(client.create_experiment(name, place, KIND))
         except MlflowException:  # made by another process in between
             found = client.get_experiment_by_name(name)
             if found is None:
