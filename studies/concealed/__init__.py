@@ -1,8 +1,8 @@
 r"""A forge of concealed cases: does `softnn diagnose` name the physics left out?
 
-Nothing in here but `trial.py` knows softnn. The forge has its own material laws,
-its own integrators and its own functional form for every effect, so that a diagnosis
-cannot succeed by meeting its own formulae again. One fine uniform clock
+Nothing in here but `trial.py` and `reporting.py` knows softnn. The forge has its own
+material laws, its own integrators and its own functional form for every effect, so that
+a diagnosis cannot succeed by meeting its own formulae again. One fine uniform clock
 (`programmes.STEP_S`) carries all signals; what is written down is sampled from it.
 
     programmes.py   what the machine is told to do, and when samples are taken
@@ -13,9 +13,13 @@ cannot succeed by meeting its own formulae again. One fine uniform clock
     noises.py       noise: white, coloured, heteroscedastic, quantised
     oracle.py       what a refit absorbs, and whether the rest can be seen at all
     rivals.py       whether another effect could have made the same recordings
-    forge.py        a case: drawn, run, written; answers to the sealed key
+    orders.py       which cases: single effects, pairs, nulls, what is on no list
+    settings.py     a case before anything is planted: model, machine, habits
+    forge.py        a case: drawn, run, its answer beside it
+    sealing.py      cases on disk, and the sealed key
     scoring.py      diagnoses against the key
-    trial.py        forge, diagnose, open the key, score, record
+    reporting.py    tables, confusion matrix, result file, MLflow
+    trial.py        forge, diagnose, open the key, score, report
 
 Where an effect has a size in the specification, a test reads it off forged signals.
 Those that have none: a bent spring at least doubles its tangent stiffness; branches are

@@ -13,14 +13,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from studies.concealed import forge, oracle
+from studies.concealed.orders import EFFECTS, NAMES, Order
 from studies.concealed.planting import Context, Planted
 from studies.concealed.programmes import Array
 from studies.concealed.sensor import VIBRATING
+from studies.concealed.settings import Setting
 
 DRAWS = 4
 
 
-def distinct_power(order: forge.Order, answer: dict) -> dict[str, float]:
+def distinct_power(order: Order, answer: dict) -> dict[str, float]:
     """Chance, by rival, to tell what was planted from it (one false alarm in 100)."""
     _, setting, planted = forge.draw_case(order)
     sizes = [len(p.index) for p in setting.programmes]
@@ -47,19 +49,19 @@ def distinct_power(order: forge.Order, answer: dict) -> dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
-def movable(setting: forge.Setting) -> Array:
+def movable(setting: Setting) -> Array:
     """What a refit can change near the truth: columns (n, k)."""
     if not setting.model.endswith("sls"):
-        return forge.oracle_refit(setting).columns
+        return setting.refit().columns
     # One branch: its stiffness and its time, the latter by a finite difference.
     (_, time), *_ = setting.base.branches
-    refit = forge.oracle_refit(setting, [0.98 * time, 1.02 * time])
+    refit = setting.refit([0.98 * time, 1.02 * time])
     return np.column_stack([refit.springs, refit.branches[:, -2:]])
 
 
-def possible(setting: forge.Setting) -> list[str]:
+def possible(setting: Setting) -> list[str]:
     """Effects that these recordings could be suspected of."""
-    names = set(forge.NAMES)
+    names = set(NAMES)
     if not setting.warm:
         names.remove("thermal_softening")
     if setting.base.name != "linear":
@@ -71,11 +73,9 @@ def possible(setting: forge.Setting) -> list[str]:
     return sorted(names)
 
 
-def shapes(
-    name: str, setting: forge.Setting, off: Array, sizes: Sequence[int]
-) -> Array:
+def shapes(name: str, setting: Setting, off: Array, sizes: Sequence[int]) -> Array:
     """What a few draws of an effect change in this case: columns (n, k)."""
-    make = dict(zip(forge.NAMES, forge.EFFECTS, strict=True))[name]
+    make = dict(zip(NAMES, EFFECTS, strict=True))[name]
     bare = setting.run(())
     columns = []
     for draw in range(DRAWS):
@@ -89,7 +89,7 @@ def shapes(
         )
         rival = make(context)
         change = setting.sampled(setting.run([rival])) - off
-        columns += by_recording(change, sizes) if own_sizes(rival) else [change]
+        columns += one_each(change, sizes) if own_sizes(rival) else [change]
     return np.column_stack(columns)
 
 
@@ -97,7 +97,7 @@ def own_sizes(planted: Planted) -> bool:
     return any(isinstance(v, dict | list) for v in planted.parameters.values())
 
 
-def by_recording(change: Array, sizes: Sequence[int]) -> list[Array]:
+def one_each(change: Array, sizes: Sequence[int]) -> list[Array]:
     which = np.repeat(np.arange(len(sizes)), sizes)
     parts = [np.where(which == i, change, 0.0) for i in range(len(sizes))]
     return [p for p in parts if p.any()]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.concealed.forge import NAMES
+from studies.concealed.orders import NAMES
 
 CONFIDENT = 0.5  # a name given this probability or more is asserted
 AND_MORE, SEVERAL = "it and more", "several"

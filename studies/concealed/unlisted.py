@@ -1,7 +1,7 @@
 """Things that really happen and are on no list of effects.
 
 Each differs from the base by 8-15 % of the peak stress at strength 1, calibrated on
-the case itself (`forge.calibrate`): `size` below is a plain multiplier of the form.
+the case itself (`forge.plant_unlisted`); `size` below multiplies the form.
 """
 
 from __future__ import annotations
