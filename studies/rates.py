@@ -90,11 +90,10 @@ def study(work: Work, case: Case) -> dict[str, Any]:
             f"{key}_nrmse_joint": joint and joint["nrmse_over_rates"],
             f"{key}_nrmse_rate_left_out": apart and apart["nrmse"],
         }
-        rows.append(_row(f"{model}, k* at {thesis}", models[model]["as_in_thesis"]))
-        rows.append(_row("  any reading of the branches", models[model]["any_reading"]))
-        rows.append(
-            _row("  branches at the best share of it", models[model]["softened"])
-        )
+        one = models[model]
+        rows.append(_row(f"{model}, k* at {thesis}", one["as_in_thesis"]))
+        rows.append(_row("  any reading of the branches", one["any_reading"]))
+        rows.append(_row("  branches at the best share of it", one["softened"]))
         for rate, entry in by_rate.items():
             if rate != thesis:
                 rows.append(_row(f"  k* at {rate}", entry))
