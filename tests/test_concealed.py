@@ -703,6 +703,7 @@ def test_scores_counted_by_hand():
     assert found["power"] == pytest.approx((2 / 5) / ((4 + 0.2) / 5))
     assert found["unseen_over_floor"] == pytest.approx(5 / 3)
     assert found["unseen_of"] == 1
+    assert found["unlisted_noticed"]["rate"] == 1
     assert found["heldout_over_floor"] == pytest.approx(0.021 / 0.02)
     causes = {m["case"]: m["cause"] for m in found["misses"]}
     assert causes == {

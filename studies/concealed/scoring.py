@@ -250,6 +250,8 @@ def score(
         "unlisted": {
             e: rate(t) for e, t in table[table.group == "unlisted"].groupby("effects")
         },
+        # Not wrong is not yet right: whether it was seen that something is there.
+        "unlisted_noticed": noticed(table[table.group == "unlisted"]),
         "conditions": {
             f"{name} {value}": rate(t)
             for name in ("dirty", "simulated", "history", "noise", "level")
@@ -269,6 +271,11 @@ def score(
 
 def rate(table: pd.DataFrame) -> dict[str, float | int]:
     return Rate(int(table.right.sum()), len(table)).entry()
+
+
+def noticed(table: pd.DataFrame) -> dict[str, float | int]:
+    seen = ~table.verdict.isin(["nothing_missing", "no diagnosis"])
+    return Rate(int(seen.sum()), len(table)).entry()
 
 
 def power_against_oracle(singles: pd.DataFrame) -> float | None:

@@ -90,7 +90,8 @@ def run(a: argparse.Namespace) -> None:
         write_record(folder, record)  # the hash is on file before anything is diagnosed
         print(f"{len(wanted)} cases forged; key SHA-256 {record['key_sha256']}")
     if not a.score_only:
-        record |= diagnose(folder, a.jobs, record["seed"])
+        timed = 0 if record["smoke"] else TIMED_CASES
+        record |= diagnose(folder, a.jobs, record["seed"], timed)
         write_record(folder, record)
     answers = sealing.open_key(folder)
     diagnoses = scoring.read_diagnoses(answers, folder / "diagnoses")
@@ -158,7 +159,7 @@ def explain_misses(
             miss["cause"] = "cannot be told from what was named, says the oracle"
 
 
-def diagnose(folder: Path, jobs: int, seed: int) -> dict[str, Any]:
+def diagnose(folder: Path, jobs: int, seed: int, timed: int) -> dict[str, Any]:
     """Run the command on the cases, as a user would; how long it took.
 
     It is told the folders of the cases and nothing else. Cases that have a diagnosis
@@ -177,7 +178,7 @@ def diagnose(folder: Path, jobs: int, seed: int) -> dict[str, Any]:
     done = subprocess.run([*command, str(jobs), "--out", out, *cases], check=False)
     wall = time.perf_counter() - begun
     single = []
-    for case in cases[:TIMED_CASES]:
+    for case in cases[:timed]:
         begun = time.perf_counter()
         out = str((folder / "timed").resolve())
         subprocess.run(
