@@ -181,6 +181,7 @@ class Engine:
         )
         self.owner = self.recording[self.valid]
         self.target = self.measured[self.valid]
+        self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
         self._cache: dict[Any, Any] = {}
         self.set_noise(sigma_MPa, correlation_s)
 
@@ -273,7 +274,7 @@ class Engine:
                 )
                 stress.append(out[:, 0])
                 continue
-            size = np.abs(eq + br).max() + 1e-30
+            size = max(float(np.abs(eq + br).max()), self.level)
             height = np.maximum(np.abs(springs).max(axis=0), 1e-30)
             h = np.concatenate(
                 [

@@ -141,11 +141,10 @@ def estimate(
         phi = float(np.exp(-interval[r] / max(seconds, 1e-12)))
         count = int(own.sum())
         if count >= 8:
-            # Own colour, drawn to that of all by as much as twenty windows say.
-            prior = like[:, kept].mean(axis=1)
-            shift = CORRELATIONS[np.argmax(prior)] - phi
-            drawn = np.interp(CORRELATIONS + shift, CORRELATIONS, prior)
-            phi = float(CORRELATIONS[np.argmax(like[:, own].sum(axis=1) + 20 * drawn)])
+            # Own colour, drawn to that of all: clocks differ, the amplifier does not.
+            away = np.arctanh(CORRELATIONS) - np.arctanh(phi)
+            own_like = like[:, own].sum(axis=1) - 0.5 * (away / 0.15) ** 2
+            phi = float(CORRELATIONS[np.argmax(own_like)])
         phi = phi if phi > 0.03 else 0.0
         own_s = -interval[r] / np.log(phi) if phi > 0 else 0.0
         grain = step**2 / 12

@@ -204,8 +204,8 @@ def _page(result: dict[str, Any], pictures: list[tuple[str, str]]) -> str:
         f'src="data:image/png;base64,{data}">'
         for title, data in pictures
     )
-    # "</" would end the script element that holds the figures' numbers.
-    numbers = json.dumps(result, default=float).replace("</", "<\\/")
+    # A "<" could end the script element that holds the numbers.
+    numbers = json.dumps(result, default=float).replace("<", "\\u003c")
     name = html.escape(str(result["case"]))
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'

@@ -27,6 +27,7 @@ class GainError(Effect):
     off = {"error": 0.0}
     amplitude = "error"
     per_recording = ("error",)
+    some = True
     where = "all through some recordings, in proportion to the stress"
     twins = {
         "thermal_softening": "one recording over which the temperature changes",

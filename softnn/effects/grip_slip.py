@@ -35,6 +35,7 @@ class GripSlip(Effect):
     amplitude = "slip"
     per_recording = ("slip", "moment_s")
     shape = ("duration_s",)
+    some = True
     where = "from one moment on, in some recordings"
     twins = {
         "permanent_set": "a cycle to a larger strain: a set grows, a slip does not",
@@ -42,10 +43,15 @@ class GripSlip(Effect):
         "slack": "several cycles at one amplitude",
     }
 
+    lasting = True  # what slipped stays lost in the recordings that go on from here
+
+    @property
+    def second_forms(self):
+        return (RegrippedSlip(),)
+
     def before(self, p, signal, state):
-        # What slipped in an earlier recording of the same specimen stays lost.
         begun, earlier, last = (signal.begun_s, 0.0, 0.0) if state is None else state
-        if signal.begun_s != begun:
+        if signal.begun_s != begun and self.lasting:
             earlier = earlier + last
         t = (signal.time_s - signal.begun_s)[:, None]
         own = p["slip"] * np.clip((t - p["moment_s"]) / p["duration_s"], 0, 1)
@@ -72,3 +78,9 @@ class GripSlip(Effect):
 
     def telltale(self):
         return cycles([0.5, 0.5, 0.6, 0.6], 0.05)
+
+
+class RegrippedSlip(GripSlip):
+    """The same where the specimen is gripped anew, or strain zeroed, between recordings."""
+
+    lasting = False

@@ -31,6 +31,7 @@ class Inertia(Effect):
     amplitude = "mass"
     where = "at reversals and at high frequency"
     exempt = {
+        "refine": "strain that is straight between samples has no acceleration there",
         "causal": "acceleration at a sample needs the next sample's strain",
         "chunked": "acceleration at a sample needs the next sample's strain",
     }

@@ -18,7 +18,8 @@ class PermanentSet(Effect):
               + a \left(\max_{s \le t} \varepsilon^-(s) - y\right)_+^p
 
     a is the ratio of set to largest strain (at strain 1), p its exponent, yield y the
-    strain from which on it grows. On first
+    strain from which on it grows. With `on_return` r above 0 the set shows as the specimen
+    comes back, in full at zero: the share that shows is 1 - (strain / largest)^(1/r). On first
     loading the set is part of the curve and cannot be seen; on reloading the curve is
     shifted. `buckling` b scales what is left of negative elastic strain, 1 - b: a strip
     with a set hangs slack. Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
@@ -33,11 +34,12 @@ class PermanentSet(Effect):
         Parameter("ratio", "-", 0.0, 0.95, 0.1, meaning="set over largest strain at 1"),
         Parameter("exponent", "-", 0.2, 5.0, 1.0, "log", "growth of the set"),
         Parameter("yield_strain", "-", 0.0, 2.0, 0.0, meaning="where the set begins"),
+        Parameter("on_return", "-", 0.0, 3.0, 0.0, meaning="r, how late it shows"),
         Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="loss below the set"),
     )
     off = {"ratio": 0.0}
     amplitude = "ratio"
-    shape = ("exponent", "yield_strain", "buckling")
+    shape = ("exponent", "yield_strain", "on_return", "buckling")
     where = "on unloading and reloading, near zero stress"
     twins = {
         "slack": "cycles to growing strain: a set grows with them, slack does not",
@@ -54,7 +56,11 @@ class PermanentSet(Effect):
         below = np.maximum.accumulate(np.maximum(np.maximum(-strain, 0), below))
         y = p["yield_strain"]
         grown = np.maximum(above - y, 0) ** power - np.maximum(below - y, 0) ** power
-        shift = a * grown
+        largest = np.maximum(np.where(strain >= 0, above, below), 1e-12)
+        near = np.clip(np.abs(strain) / largest, 1e-12, 1)
+        late = p["on_return"]
+        hidden = np.exp(np.log(near) / np.maximum(late, 0.02))
+        shift = a * grown * np.where(late >= 0.02, 1 - hidden, 1.0)
 
         def elastic(value):
             left = value - shift
@@ -77,7 +83,7 @@ class PermanentSet(Effect):
                 "yield_strain": 0.0,
                 "buckling": b,
             }
-            for p, b in ((1.0, 0.0), (2.0, 0.0), (1.0, 1.0))
+            for p, r, b in ((1, 0, 0), (2, 0, 0), (1, 0, 1), (1, 1, 0))
         ]
 
     def telltale(self):

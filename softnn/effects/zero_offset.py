@@ -26,6 +26,7 @@ class ZeroOffset(Effect):
     off = {"offset_MPa": 0.0}
     amplitude = "offset_MPa"
     per_recording = ("offset_MPa",)
+    some = True
     where = "all through some recordings, at any strain"
     twins = {
         "slack": "a hold at zero strain before loading",

@@ -33,7 +33,7 @@ class Baseline:
     fixed: bool
 
 
-def units_for(name: str, data: Data, segments: int = 12) -> Units:
+def units_for(name: str, data: Data, segments: int = 16) -> Units:
     low = min(float(c.strain.min()) for c in data.chunks)
     high = max(float(c.strain.max()) for c in data.chunks)
     scales = data.scales()

@@ -138,7 +138,8 @@ def check_sizes(recording: Recording, file: Path | None = None) -> None:
 
 
 def _simulated(file: Path, n: int) -> Array | None:
-    head = file.open(encoding="utf-8-sig").readline()
+    with file.open(encoding="utf-8-sig") as lines:
+        head = lines.readline()
     if "simulated_MPa" not in [c.strip().strip('"') for c in head.split(",")]:
         return None
     frame = pd.read_csv(file, encoding="utf-8-sig", skip_blank_lines=False)

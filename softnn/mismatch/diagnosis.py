@@ -23,7 +23,8 @@ from softnn.noise import Noise
 VERSION = 1
 SEARCH = 1000  # samples a recording while searching
 REPORT = 4000  # samples a recording for regions, figures and errors
-EXPLAINED, PARTLY = 0.15, 0.4  # share of the excess left, at most
+EXPLAINED, PARTLY = 0.12, 0.5  # share of the excess left, at most
+COLOURED = 0.15  # of excess, times the correlation: as well as coloured noise is known
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
 
@@ -161,11 +162,18 @@ def _all(engine: Engine, guess: Any) -> tuple[Array, None]:
 def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
     if not found.steps:
         return "nothing_missing", []
-    if found.left < EXPLAINED or found.excess_after < 0.05:
+    if clear(found):
         return "explained", found.selected
     if found.left < PARTLY:
         return "partly_explained", found.selected
     return "unexplained", []
+
+
+def clear(found: Explanation) -> bool:
+    """Whether what is left is as good as noise, as far as the noise itself is known."""
+    colour = float(np.median([n.correlation for n in found.noise]))
+    doubt = 0.01 + COLOURED * max(colour - 0.3, 0.0)
+    return found.left < EXPLAINED or found.excess_after < doubt
 
 
 def _structure(
@@ -354,7 +362,10 @@ def _probability(found: Explanation, rivals: Sequence[Rival], name: str) -> floa
     weight = np.exp(-(scores - scores.min()) / 10)
     weight /= weight.sum()
     own = next((i for i, r in enumerate(rivals) if r.effect == name), 0)
-    return round(float(weight[own] * (1 - min(found.left, 1.0))), 4)
+    # With much left unexplained a good fit names the nearest effect, not the right one:
+    # on development cases it was right in two out of five.
+    trust = 1.0 if clear(found) else 0.4
+    return round(float(weight[own] * trust), 4)
 
 
 def _candidates(base: Baseline, found: Explanation) -> list[dict[str, Any]]:
@@ -448,7 +459,7 @@ def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> st
     where = effect(names[0]).where
     part = "" if verdict == "explained" else " Part of the mismatch stays unexplained."
     return (
-        f"The {sign} {where}: {spoken} {verb} left out. With {'it' if len(names) == 1 else 'them'} "
+        f"The {sign.replace('simulation', 'simulation is')} {where}: {spoken} {verb} left out. With {'it' if len(names) == 1 else 'them'} "
         f"the error on recordings not used goes from {percent(fit_['before']['heldout_nrmse'])} "
         f"to {percent(fit_['after']['heldout_nrmse'])} (noise {percent(fit_['noise_nrmse'])}).{part}"
     )

@@ -19,11 +19,13 @@ from softnn.contracts import Array, Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, weigh
+from softnn.mismatch.verify import intervals
 from softnn.noise import Noise
 
 ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
 MOST_EFFECTS = 3
-LATER_SHARE = 0.1  # of the first effect's gain, below which a later one is its form
+LATER_SHARE = 0.25  # of the first effect's gain, below which a later one is its form
+CLEAN = 0.3  # the same for one whose gain is small beside that of the first
 LATER_LEFT = 0.65  # of what the earlier effects left, which a later one must get under
 
 # What a base has of its own, so that it cannot be missing from it.
@@ -257,15 +259,60 @@ def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit
         base.guess.pieces + (piece,), key=lambda p: order.index(p.effect.id)
     )
     guess = Guess(base.guess.units, base.guess.stiffness, tuple(pieces))
-    return fit(engine, guess, fixed_base=base.fixed_base, iterations=iterations)
+    found = fit(engine, guess, fixed_base=base.fixed_base, iterations=iterations)
+    return prune(engine, found)
 
 
-def release(engine: Engine, found: Fit, index: int, iterations: int = 10) -> Fit:
-    """The same with the shape parameters of piece `index` freed."""
+def prune(engine: Engine, found: Fit) -> Fit:
+    """The fit without recordings in which an effect is off within its error."""
+    limits = intervals(found)
+    pieces, changed = [], False
+    for i, piece in enumerate(found.guess.pieces):
+        law = piece.effect
+        if piece.nuisance or law.amplitude not in law.per_recording:
+            pieces.append(piece)
+            continue
+        off = law.off[law.amplitude]
+        values = dict(piece.values)
+        kept = []
+        for group in piece.groups:
+            low, high = limits.get((i, law.amplitude, group), (-np.inf, np.inf))
+            middle = float(values[law.amplitude][group[0]])
+            sd = max((high - low) / 3.92, 1e-300)
+            if abs(middle - off) > 3.5 * sd:
+                kept.append(group)
+        if kept and len(kept) < len(piece.groups):
+            array = np.array(values[law.amplitude], float)
+            gone = [r for g in piece.groups if g not in kept for r in g]
+            array[gone] = off
+            values[law.amplitude] = array
+            changed = True
+            piece = replace(piece, values=values, groups=tuple(kept))
+        pieces.append(piece)
+    if not changed:
+        return found
+    guess = replace(found.guess, pieces=tuple(pieces))
+    return fit(engine, guess, fixed_base=found.fixed_base, iterations=4)
+
+
+def release(
+    engine: Engine, found: Fit, index: int, inside: bool, iterations: int = 10
+) -> Fit:
+    """The same with the shape parameters of piece `index` freed.
+
+    `inside`: they start a little inside their range; at its end some laws do not move.
+    """
     pieces = list(found.guess.pieces)
     piece = pieces[index]
+    values = dict(piece.values)
+    for p in piece.effect.parameters:
+        if inside and p.name in piece.effect.shape and p.scale == "linear":
+            width = 0.03 * (p.high - p.low)
+            values[p.name] = float(
+                np.clip(values[p.name], p.low + width, p.high - width)
+            )
     names = tuple(p.name for p in piece.effect.parameters)
-    pieces[index] = replace(piece, free=names)
+    pieces[index] = replace(piece, values=values, free=names)
     guess = replace(found.guess, pieces=tuple(pieces))
     return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)
 
@@ -335,10 +382,11 @@ def rivals(
                 for i, p in enumerate(rival.fit.guess.pieces)
                 if p.effect.id == rival.effect and not p.nuisance
             )
-            better = release(engine, rival.fit, index)
+            for inside in (False, True) if rank < 3 else (False,):
+                better = release(engine, rival.fit, index, inside)
+                if better.chi2 < rival.fit.chi2:
+                    rival.fit = better
             rival.seconds += time.perf_counter() - clock
-            if better.chi2 < rival.fit.chi2:
-                rival.fit = better
         if rival.effect not in out or score(rival.fit) < score(out[rival.effect].fit):
             out[rival.effect] = rival
     return sorted(out.values(), key=lambda r: score(r.fit)), threshold
@@ -431,16 +479,33 @@ def enough(
     """
     gain = score(before) - score(after)
     raw = before.chi2 - after.chi2
-    if raw < 1.6 * threshold or gain < 12:
+    if raw < 2.5 * threshold or gain < 20:
         return False
     if not steps:
         return True
+    if sponge(engine, after, steps):
+        return False
     n = len(before.residual)
     left, then = before.chi2 / n - 1, after.chi2 / n - 1
-    return (
-        gain > max(40.0, LATER_SHARE * steps[0].gain)
-        and max(then, 0.0) < LATER_LEFT * left
-    )
+    much = gain > max(80.0, LATER_SHARE * steps[0].gain) and then < LATER_LEFT * left
+    # A small one must then leave next to nothing of what was left.
+    clean = gain > 200.0 and max(then, 0.0) < CLEAN * left
+    if len(steps) == 1:
+        return much or clean
+    # By the third, two forms have had their say; it must be as large as they were.
+    large = gain > 0.5 * min(step.gain for step in steps)
+    return much and clean and large
+
+
+def sponge(engine: Engine, found: Fit, steps: list[Step]) -> bool:
+    """Whether the latest effect has a value of its own in most recordings.
+
+    An error of mounting or zeroing is there in some recordings; what takes a little of
+    all of them makes up for the form of another effect.
+    """
+    before = {p.effect.id for p in steps[-1].fit.guess.pieces}
+    new = [p for p in found.guess.pieces if p.effect.id not in before]
+    return any(p.effect.some and len(p.groups) > 0.6 * len(engine.chunks) for p in new)
 
 
 def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
@@ -453,7 +518,9 @@ def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
         if rival.effect == later or rival.fit.chi2 > base.chi2:
             continue
         trial = refine(engine, rival.fit, own, 10)
-        if score(trial) < score(best) - 6:
+        # A simpler law may stand for a richer one at a small price: no form is true.
+        price = 0.01 * steps[-1].gain if trial.parameters < best.parameters else -6.0
+        if score(trial) < score(best) + price:
             best = trial
     return best
 
@@ -472,6 +539,6 @@ def backward(engine: Engine, base: Fit, found: Fit) -> Fit:
             iterations=8,
         )
         gain = score(without) - score(found)
-        if gain < max(40.0, 0.02 * (score(base) - score(found))):
+        if gain < max(80.0, 0.02 * (score(base) - score(found))):
             return backward(engine, base, without)
     return found

@@ -103,8 +103,8 @@ def build(
     strain_high: float,
     interval_s: float,
     duration_s: float,
-    segments: int = 12,
-    per_decade: int = 4,
+    segments: int = 16,
+    per_decade: int = 7,
 ) -> Units:
     """The base `name` over a range of strain and of time.
 

@@ -1,0 +1,395 @@
+"""Properties every effect must have, none of them written for one effect.
+
+An exemption stands on the class (`exempt`), with its reason.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import softnn.effects
+from softnn.contracts import Chunk, Effect, InputError, Scales
+from softnn.effects import EFFECTS, effect
+from softnn.fit import Data, Engine, Guess, Piece, fit
+from softnn.models.units import Units
+from softnn.simulate import Term, measured, reach, simulate
+
+LAWS = [law for e in EFFECTS for law in (e, *e.second_forms)]
+UNITS = Units("pl-wiechert", (-1.0, 0.0, 0.4, 1.0), (0.3, 5.0))
+STIFFNESS = np.array([0.8, 0.9, 1.4, 0.5, 0.4])
+IDS = [law.form for law in LAWS]
+
+
+def scales(chunk: Chunk) -> Scales:
+    stress = simulate(UNITS, STIFFNESS, [], [chunk])[0]
+    warm = chunk.temperature_C
+    return Scales(
+        strain=float(np.abs(chunk.strain).max()),
+        stress_MPa=float(np.abs(stress).max()),
+        interval_s=float(np.median(np.diff(chunk.time_s))),
+        duration_s=np.array([chunk.time_s[-1]]),
+        temperature_C=0.0 if warm is None else float(np.ptp(warm)),
+    )
+
+
+def planted(law: Effect, chunk: Chunk) -> dict[str, float]:
+    """Values of the effect's first start, as numbers."""
+    values = law.defaults() | law.starts(scales(chunk))[0]
+    return {k: float(np.ravel(v)[0]) for k, v in values.items()}
+
+
+def stress(law: Effect, values: dict[str, float], chunk: Chunk) -> np.ndarray:
+    return simulate(UNITS, STIFFNESS, [Term(law, values)], [chunk])[0]
+
+
+def by_chunks(law: Effect, values: dict, chunk: Chunk, length: int) -> np.ndarray:
+    """The same, a few samples at a time, with carried state."""
+    term, memory, state, out = Term(law, values), {}, None, []
+    ready = [law.prepare(values)]
+    for a in range(0, len(chunk.time_s), length):
+        part = slice(a, a + length)
+        warm = chunk.temperature_C
+        piece = Chunk(
+            chunk.time_s[part], chunk.strain[part], None if warm is None else warm[part]
+        )
+        signal = reach([term], ready, piece, memory)
+        signal = type(signal)(**{**vars(signal), "begun_s": float(chunk.time_s[0])})
+        inner = Chunk(
+            piece.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]
+        )
+        springs, branches, state = UNITS.respond(inner, state)
+        signal = type(signal)(
+            **{
+                **vars(signal),
+                "equilibrium": (springs @ STIFFNESS[:3])[:, None],
+                "branches": (branches @ STIFFNESS[3:])[:, None],
+            }
+        )
+        out.append(measured([term], ready, signal, memory)[:, 0])
+    return np.concatenate(out)
+
+
+def test_names_are_those_of_the_files():
+    folder = Path(softnn.effects.__file__).parent
+    files = {f.stem for f in folder.glob("*.py") if not f.name.startswith("_")}
+    assert {e.id for e in EFFECTS} == files
+    for e in EFFECTS:
+        assert e.id == re.sub(r"(?<!^)(?=[A-Z])", "_", type(e).__name__).lower()
+
+
+def test_effects_stand_in_the_order_of_the_stages():
+    order = ["rig", "material", "sensor"]
+    stages = [order.index(e.stage) for e in EFFECTS]
+    assert stages == sorted(stages)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_declares_what_it_is(law):
+    names = {p.name for p in law.parameters}
+    assert law.amplitude in names
+    assert set(law.off) | set(law.shape) | set(law.per_recording) <= names
+    assert set(law.twins) <= {e.id for e in EFFECTS} - {law.id}
+    assert law.twins
+    assert law.where
+    assert set(law.ports) <= {
+        "strain", "branch_strain", "equilibrium", "branches", "stress"
+    }  # fmt: skip
+    assert type(law).__doc__
+    if law in EFFECTS:
+        assert "math::" in type(law).__doc__
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_off_is_off_exactly(law):
+    chunk = law.telltale()
+    plain = simulate(UNITS, STIFFNESS, [], [chunk])[0]
+    values = planted(law, chunk) | dict(law.off)
+    np.testing.assert_array_equal(stress(law, values, chunk), plain)
+
+
+def test_all_off_stacked_is_off_exactly():
+    chunk = effect("thermal_softening").telltale()
+    plain = simulate(UNITS, STIFFNESS, [], [chunk])[0]
+    terms = [Term(e, e.defaults()) for e in EFFECTS]
+    np.testing.assert_array_equal(simulate(UNITS, STIFFNESS, terms, [chunk])[0], plain)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_shows_on_its_telltale(law):
+    chunk = law.telltale()
+    plain = simulate(UNITS, STIFFNESS, [], [chunk])[0]
+    moved = stress(law, planted(law, chunk), chunk) - plain
+    assert np.abs(moved).max() > 0.01 * np.abs(plain).max()
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_looks_at_nothing_ahead(law):
+    if "causal" in law.exempt:
+        pytest.skip(law.exempt["causal"])
+    chunk = law.telltale()
+    n = len(chunk.time_s) // 2
+    other = np.array(chunk.strain)
+    other[n:] = 0.3 + 0.1 * np.sin(np.arange(len(other) - n))
+    values = planted(law, chunk)
+    changed = Chunk(chunk.time_s, other, chunk.temperature_C)
+    np.testing.assert_array_equal(
+        stress(law, values, chunk)[:n], stress(law, values, changed)[:n]
+    )
+
+
+@pytest.mark.parametrize("length", [1, 7])
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_chunks_equal_the_whole(law, length):
+    if "chunked" in law.exempt:
+        pytest.skip(law.exempt["chunked"])
+    whole = law.telltale()
+    few = slice(0, 300)
+    warm = whole.temperature_C
+    chunk = Chunk(
+        whole.time_s[few], whole.strain[few], None if warm is None else warm[few]
+    )
+    values = planted(law, whole)
+    np.testing.assert_allclose(
+        by_chunks(law, values, chunk, length),
+        stress(law, values, chunk),
+        rtol=1e-9,
+        atol=1e-12,
+    )
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_batch_equals_loop(law):
+    chunk = law.telltale()
+    first = planted(law, chunk)
+    second = dict(first)
+    amplitude = next(p for p in law.parameters if p.name == law.amplitude)
+    second[law.amplitude] = float(
+        np.clip(0.6 * first[law.amplitude], amplitude.low, amplitude.high)
+    )
+    term = Term(law, first)
+    both = {k: np.array([first[k], second[k]]) for k in first}
+    ready = [law.prepare(both)]
+    memory: dict = {}
+    signal = reach([term], ready, chunk, memory)
+    columns = []
+    for j in range(2):
+        pick = min(j, signal.strain.shape[1] - 1)
+        inner = Chunk(
+            chunk.time_s,
+            np.ascontiguousarray(signal.strain[:, pick]),
+            None,
+            np.ascontiguousarray(
+                signal.branch_strain[:, min(j, signal.branch_strain.shape[1] - 1)]
+            ),
+        )
+        columns.append(UNITS.respond(inner)[:2])
+    signal = type(signal)(
+        **{
+            **vars(signal),
+            "equilibrium": np.stack([s @ STIFFNESS[:3] for s, _ in columns], axis=1),
+            "branches": np.stack([b @ STIFFNESS[3:] for _, b in columns], axis=1),
+        }
+    )
+    batch = measured([term], ready, signal, memory)
+    for j, values in enumerate((first, second)):
+        np.testing.assert_allclose(
+            batch[:, j], stress(law, values, chunk), rtol=1e-10, atol=1e-13
+        )
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_refining_the_step_converges(law):
+    if "refine" in law.exempt:
+        pytest.skip(law.exempt["refine"])
+    coarse = law.telltale()
+    values = planted(law, coarse)
+
+    def at(factor: int) -> np.ndarray:
+        n = len(coarse.time_s)
+        fine = np.linspace(coarse.time_s[0], coarse.time_s[-1], (n - 1) * factor + 1)
+        strain = np.interp(fine, coarse.time_s, coarse.strain)
+        warm = coarse.temperature_C
+        chunk = Chunk(
+            fine, strain, None if warm is None else np.interp(fine, coarse.time_s, warm)
+        )
+        return stress(law, values, chunk)[::factor]
+
+    one, two, four = at(1), at(2), at(4)
+    size = np.sqrt(np.mean(four**2))
+    first = np.sqrt(np.mean((one - four) ** 2)) / size
+    second = np.sqrt(np.mean((two - four) ** 2)) / size
+    assert first < 0.02
+    assert second < 0.75 * first + 1e-6
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_planted_value_comes_back_on_the_telltale(law):
+    if "recover" in law.exempt:
+        pytest.skip(law.exempt["recover"])
+    # A virgin recording without the effect is what a per-recording error needs.
+    chunk = law.telltale()
+    chunks = (chunk, chunk) if law.per_recording else (chunk,)
+    values = planted(law, chunk)
+    r = len(chunks)
+    full = {
+        k: np.array([law.off.get(k, v)] * (r - 1) + [v])
+        if k in law.per_recording
+        else v
+        for k, v in values.items()
+    }
+    data = simulate(UNITS, STIFFNESS, [Term(law, full)], list(chunks))
+    rng = np.random.default_rng(3)
+    sigma = 1e-4 * max(float(np.abs(s).max()) for s in data)
+    noisy = tuple(s + sigma * rng.standard_normal(len(s)) for s in data)
+    engine = Engine(Data(tuple("ab"[:r]), chunks, noisy))
+    engine.set_noise([np.full(len(s), sigma) for s in data], None)
+    start = dict(full)
+    amplitude = start[law.amplitude]
+    if law.off.get(law.amplitude) == 0.0:
+        start[law.amplitude] = np.where(
+            np.asarray(amplitude) != 0, amplitude * 0.7, 0.0
+        )
+        if not np.ndim(amplitude):
+            start[law.amplitude] = float(start[law.amplitude])
+    else:
+        start[law.amplitude] = amplitude * 0.98
+    free = (law.amplitude,)
+    groups = ((r - 1,),) if law.per_recording else ()
+    guess = Guess(UNITS, np.zeros(5), (Piece(law, start, free, groups),))
+    found = fit(engine, guess, iterations=25)
+    value = np.ravel(found.guess.pieces[0].values[law.amplitude])[-1]
+    assert value == pytest.approx(np.ravel(amplitude)[-1], rel=0.03)
+    assert found.chi2 / len(found.residual) < 1.2
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_every_bad_value_raises(law):
+    good = law.defaults()
+    for p in law.parameters:
+        for bad in (np.nan, p.low - 1 - abs(p.low), p.high + 1 + abs(p.high)):
+            with pytest.raises(InputError, match=p.name):
+                law.prepare(good | {p.name: bad})
+    with pytest.raises(InputError, match="no parameter 'nonsense'"):
+        law.prepare(good | {"nonsense": 1.0})
+
+
+def test_unknown_names_raise():
+    with pytest.raises(InputError, match="no effect 'mulins'"):
+        effect("mulins")
+    with pytest.raises(InputError, match="no form"):
+        effect("slack", "Nothing")
+
+
+def test_temperature_is_asked_for():
+    law = effect("thermal_softening")
+    chunk = effect("slack").telltale()
+    with pytest.raises(InputError, match="temperature_C"):
+        simulate(UNITS, STIFFNESS, [Term(law, {"softening_per_C": 0.01})], [chunk])
+
+
+# -- closed forms ----------------------------------------------------------------------
+
+
+def test_relaxation_branch_is_the_exponential():
+    law = effect("relaxation_branch")
+    time = np.linspace(0, 10, 101)
+    hold = Chunk(time, np.full(101, 0.5))
+    out = simulate(
+        Units("hooke", (0.0, 1.0)),
+        [0.0],
+        [Term(law, {"stiffness_MPa": 2.0, "relaxation_time_s": 3.0})],
+        [hold],
+    )[0]
+    np.testing.assert_allclose(out, 2.0 * 0.5 * np.exp(-time / 3.0), rtol=1e-12)
+
+
+def test_eyring_dashpot_relaxes_as_its_closed_form():
+    # dg/dt = -(e/tau) sinh(g/e) has tanh(g/2e) = tanh(g0/2e) exp(-t/tau).
+    law = effect("nonlinear_viscosity")
+    time = np.linspace(0, 20, 201)
+    hold = Chunk(time, np.full(201, 0.5))
+    values = {"stiffness_MPa": 1.0, "time_s": 50.0, "threshold": 0.05}
+    out = simulate(Units("hooke", (0.0, 1.0)), [0.0], [Term(law, values)], [hold])[0]
+    first = 2 * np.arctanh(out[0] / 0.1 * 0 + np.tanh(out[0] / 0.1))
+    assert first == pytest.approx(out[0] / 0.05, rel=1e-6)
+    expected = 0.1 * np.arctanh(np.tanh(out[0] / 0.1) * np.exp(-time / 50.0))
+    np.testing.assert_allclose(out, expected, rtol=1e-6)
+
+
+def test_eyring_dashpot_flows_steadily_at_arcsinh_of_the_rate():
+    law = effect("nonlinear_viscosity")
+    time = np.arange(0, 200, 0.05)
+    ramp = Chunk(time, 0.01 * time)
+    values = {"stiffness_MPa": 1.0, "time_s": 50.0, "threshold": 0.05}
+    out = simulate(Units("hooke", (0.0, 1.0)), [0.0], [Term(law, values)], [ramp])[0]
+    assert out[-1] == pytest.approx(0.05 * np.arcsinh(0.01 * 50 / 0.05), rel=1e-4)
+
+
+def test_friction_loop_is_twice_the_friction_high():
+    law = effect("friction_hysteresis")
+    chunk = Chunk(np.arange(400.0), 0.5 * np.sin(np.arange(400) / 30))
+    values = {"friction_MPa": 0.1, "presliding": 0.01, "spread": 0.05, "growth": 0.0}
+    out = simulate(Units("hooke", (0.0, 1.0)), [0.0], [Term(law, values)], [chunk])[0]
+    assert out.max() == pytest.approx(0.1, rel=1e-6)
+    assert out.min() == pytest.approx(-0.1, rel=1e-6)
+
+
+def test_dahl_friction_rises_exponentially():
+    law = effect("friction_hysteresis", "BoucWen")
+    strain = np.linspace(0, 0.1, 201)
+    chunk = Chunk(np.arange(201.0), strain)
+    values = {"friction_MPa": 1.0, "presliding": 0.02, "sharpness": 1.0, "growth": 0.0}
+    out = simulate(Units("hooke", (0.0, 1.0)), [0.0], [Term(law, values)], [chunk])[0]
+    np.testing.assert_allclose(out, 1 - np.exp(-strain / 0.02), atol=2e-4)
+
+
+def test_sensor_lag_follows_a_ramp_late_by_its_time_constant():
+    law = effect("sensor_lag")
+    time = np.linspace(0, 10, 501)
+    chunk = Chunk(time, 0.02 * time)
+    one = Units("hooke", (0.0, 1.0))
+    values = {"time_constant_s": 0.4, "second": 0.0}
+    out = simulate(one, [1.0], [Term(law, values)], [chunk])[0]
+    expected = 0.02 * (time - 0.4 * (1 - np.exp(-time / 0.4)))
+    np.testing.assert_allclose(out, expected, atol=1e-12)
+
+
+def test_inertia_of_a_sine_is_minus_omega_squared():
+    law = effect("inertia")
+    time = np.linspace(0, 2, 2001)
+    chunk = Chunk(time, 0.3 * np.sin(5 * time))
+    out = simulate(
+        Units("hooke", (0.0, 1.0)), [0.0], [Term(law, {"mass": 2.0})], [chunk]
+    )
+    np.testing.assert_allclose(out[0][1:-1], -25 * 2 * chunk.strain[1:-1], rtol=1e-5)
+
+
+def test_softening_meets_the_first_loading_at_the_largest_strain():
+    law = effect("mullins_softening")
+    chunk = law.telltale()
+    spring = Units("hooke", (0.0, 1.0))
+    values = planted(law, chunk)
+    out = simulate(spring, [1.0], [Term(law, values)], [chunk])[0]
+    top = np.isclose(chunk.strain, np.maximum.accumulate(chunk.strain), atol=1e-12)
+    np.testing.assert_allclose(out[top], chunk.strain[top], rtol=1e-12)
+    assert np.all(out[~top] <= chunk.strain[~top] + 1e-15)
+
+
+def test_continued_slip_stays_and_regripped_slip_does_not():
+    chunk = Chunk(np.arange(11.0), np.full(11, 0.5))
+    values = {
+        "slip": np.array([0.1, 0.0]),
+        "moment_s": np.array([5.0, 5.0]),
+        "duration_s": 1.0,
+    }
+    spring = Units("hooke", (0.0, 1.0))
+    kept, fresh = (
+        simulate(
+            spring, [1.0], [Term(effect("grip_slip", f), values)], [chunk, chunk], True
+        )
+        for f in ("GripSlip", "RegrippedSlip")
+    )
+    assert kept[1][-1] == pytest.approx(0.4)
+    assert fresh[1][-1] == pytest.approx(0.5)

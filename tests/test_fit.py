@@ -1,0 +1,108 @@
+"""Separable least squares against solvers and closed forms from elsewhere."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear, nnls
+
+from softnn.bounded import bounded
+from softnn.contracts import Chunk, InputError
+from softnn.effects import effect
+from softnn.fit import Data, Engine, Guess, Piece, fit
+from softnn.models.linear import StandardLinearSolid
+from softnn.models.units import BASES, Units, build
+from softnn.simulate import Term, simulate
+
+RNG = np.random.default_rng(7)
+TIME = np.cumsum(RNG.uniform(0.02, 0.2, 400))
+STRAIN = 0.4 * np.abs(np.sin(TIME / 7)) * (1 + TIME / 80)
+
+
+def test_bounded_equals_scipy():
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        a = rng.standard_normal((40, 8))
+        b = rng.standard_normal(40)
+        low = np.where(rng.random(8) < 0.7, 0.0, -0.1)
+        high = np.where(rng.random(8) < 0.5, np.inf, 0.2)
+        ours = bounded(a.T @ a, a.T @ b, low, high, np.zeros(8))
+        theirs = lsq_linear(a, b, (low, high), tol=1e-14).x
+        np.testing.assert_allclose(ours, theirs, atol=1e-7)
+
+
+def test_base_without_effects_is_non_negative_least_squares():
+    units = Units("pl-wiechert", (0.0, 0.2, 0.5, 1.0), (0.3, 3.0, 30.0))
+    rng = np.random.default_rng(0)
+    stress = STRAIN**2 + 0.01 * rng.standard_normal(len(TIME))
+    chunk = Chunk(TIME, STRAIN)
+    found = fit(Engine(Data(("a",), (chunk,), (stress,))), Guess(units, np.zeros(6)))
+    springs, branches, _ = units.respond(chunk)
+    x, norm = nnls(np.concatenate([springs, branches], axis=1), stress)
+    np.testing.assert_allclose(found.guess.stiffness, x, atol=1e-5)
+    assert found.chi2 == pytest.approx(norm**2, rel=1e-8)
+
+
+def test_units_are_the_standard_linear_solid():
+    model = StandardLinearSolid()
+    names = [p.name for p in model.parameters]
+    values = dict(zip(names, (0.7, 0.4, 2.5), strict=True))
+    assert names == ["equilibrium_stiffness", "stiffness", "relaxation_time"]
+    chunk = Chunk(TIME, STRAIN)
+    ours = simulate(Units("sls", (0.0, 1.0), (2.5,)), [0.7, 0.4], [], [chunk])[0]
+    np.testing.assert_allclose(
+        ours, model.apply(values, chunk)[0], rtol=1e-10, atol=1e-13
+    )
+
+
+def test_continued_recordings_are_one_recording_cut_in_two():
+    units = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.5, 20.0))
+    k = np.array([1.0, 2.0, 0.5, 0.5])
+    terms = [Term(effect("mullins_softening"), _mullins())]
+    whole = simulate(units, k, terms, [Chunk(TIME, STRAIN)])[0]
+    halves = [Chunk(TIME[:150], STRAIN[:150]), Chunk(TIME[150:], STRAIN[150:])]
+    parts = simulate(units, k, terms, halves, continued=True)
+    np.testing.assert_allclose(np.concatenate(parts), whole, rtol=1e-10)
+
+
+def _mullins(depth=0.4):
+    return {"depth": depth, "scale": 0.1, "sharpness": 0.7, "viscous_share": 1.0}
+
+
+def test_planted_effect_and_base_come_back_from_coloured_noise():
+    units = build("pl-wiechert", 0.0, 0.8, 0.1, 40.0, segments=4)
+    truth = np.zeros(units.columns)
+    truth[:4] = [1.0, 0.8, 0.9, 1.5]
+    truth[8] = 0.6
+    chunks = tuple(Chunk(TIME, s * STRAIN) for s in (0.5, 1.0, 0.8))
+    clean = simulate(
+        units, truth, [Term(effect("mullins_softening"), _mullins())], chunks
+    )
+    rng = np.random.default_rng(11)
+    stress = tuple(c + 0.003 * rng.standard_normal(len(c)) for c in clean)
+    engine = Engine(Data(("a", "b", "c"), chunks, stress))
+    engine.set_noise([np.full(len(c), 0.003) for c in clean], [0.0] * 3)
+    piece = Piece(effect("mullins_softening"), _mullins(0.1), ("depth", "scale"))
+    found = fit(engine, Guess(units, np.zeros(units.columns), (piece,)), iterations=20)
+    values = found.guess.pieces[0].values
+    assert values["depth"] == pytest.approx(0.4, abs=0.02)
+    assert values["scale"] == pytest.approx(0.1, rel=0.15)
+    assert found.chi2 / len(found.residual) == pytest.approx(1.0, abs=0.1)
+
+
+def test_missing_stress_costs_its_sample_only():
+    units = Units("hooke", (0.0, 1.0))
+    stress = 2.0 * STRAIN
+    stress[5:50] = np.nan
+    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (stress,)))
+    found = fit(engine, Guess(units, np.zeros(1)))
+    assert found.guess.stiffness[0] == pytest.approx(2.0, rel=1e-9)
+    assert len(found.residual) == len(TIME) - 45
+
+
+def test_bases():
+    for name in BASES:
+        units = build(name, -0.1, 0.9, 0.05, 100.0)
+        assert (units.segments == 1) == (not name.startswith("pl-"))
+    with pytest.raises(InputError, match="no base 'wichert'"):
+        build("wichert", 0.0, 1.0, 0.1, 1.0)
+    with pytest.raises(InputError, match="never leaves zero"):
+        build("hooke", 0.0, 0.0, 0.1, 1.0)

@@ -1,0 +1,459 @@
+"""Diagnosis end to end: on forged histories, on bad input, through the commands."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import softnn.mismatch
+from softnn.cli import main
+from softnn.contracts import Chunk, InputError
+from softnn.effects import effect
+from softnn.fit import Data, Engine, Guess, fit
+from softnn.mismatch import diagnose, read_case
+from softnn.mismatch.case import mask_gaps, thin, to_data
+from softnn.mismatch.locate import BRANCHES, phases, runs
+from softnn.mismatch.model_file import from_dict, read_model, to_dict
+from softnn.mismatch.verify import heldout, ratio_interval
+from softnn.models.units import Units
+from softnn.recording import Recording
+from softnn.simulate import Term, simulate
+
+FOLDER = Path(softnn.mismatch.__file__).parent
+UNITS = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.4, 8.0))
+STIFFNESS = np.array([1.0, 0.6, 0.5, 0.4])
+
+
+def straight(levels, rates, interval):
+    steps = np.abs(np.diff(levels)) / np.broadcast_to(rates, len(levels) - 1)
+    steps = np.where(steps > 0, steps, 60.0)
+    corners = np.concatenate([[0], np.cumsum(steps)])
+    time = np.arange(0, corners[-1], interval)
+    return Chunk(time, np.interp(time, corners, levels))
+
+
+def histories():
+    """Three ramps over a decade of rates, growing cycles, a hold: 2 000 samples."""
+    return [
+        straight([0, 0.6, 0], 0.02, 0.15),
+        straight([0, 0.6, 0], 0.06, 0.05),
+        straight([0, 0.6, 0], 0.2, 0.02),
+        straight([0, 0.2, 0.05, 0.4, 0.05, 0.6, 0.05, 0.6, 0], 0.05, 0.15),
+        straight([0, 0.4, 0.4, 0.1], 0.1, 0.2),
+    ]
+
+
+def write_case(folder, terms=(), noise=0.002, seed=0, toml="", stress=None):
+    rng = np.random.default_rng(seed)
+    (folder / "recordings").mkdir(parents=True)
+    chunks = histories()
+    clean = (
+        simulate(UNITS, STIFFNESS, list(terms), chunks) if stress is None else stress
+    )
+    for i, (chunk, s) in enumerate(zip(chunks, clean, strict=True)):
+        table = {
+            "time_s": chunk.time_s,
+            "strain": chunk.strain,
+            "stress_MPa": s + noise * rng.standard_normal(len(s)),
+        }
+        pd.DataFrame(table).to_csv(folder / f"recordings/r{i}.csv", index=False)
+    if toml:
+        (folder / "case.toml").write_text(toml)
+    return folder
+
+
+def mullins(depth=0.4):
+    values = {"depth": depth, "scale": 0.1, "sharpness": 0.7, "viscous_share": 1.0}
+    return Term(effect("mullins_softening"), values)
+
+
+# -- verdicts --------------------------------------------------------------------------
+
+
+def test_nothing_concealed_is_nothing_missing(tmp_path):
+    found = diagnose(read_case(write_case(tmp_path / "null")))
+    assert found.result["verdict"] == "nothing_missing"
+    assert found.result["selected"] == []
+    assert found.result["mismatch"] == []
+    assert found.result["fit"]["heldout_ratio"] == 1.0
+
+
+def test_softening_is_named_measured_and_located(tmp_path):
+    found = diagnose(read_case(write_case(tmp_path / "soft", [mullins()])))
+    result = found.result
+    assert result["verdict"] == "explained"
+    assert result["selected"] == ["mullins_softening"]
+    told = result["explanations"][0]
+    depth = told["parameters"]["depth"]
+    assert depth["value"] == pytest.approx(0.4, abs=0.05)
+    assert depth["low"] < depth["value"] < depth["high"]
+    assert told["probability"] > 0.9
+    fit_ = result["fit"]
+    # The noise is the floor of any prediction; it was drawn at 0.002 MPa.
+    assert result["noise"]["sigma_MPa"] == pytest.approx(0.002, rel=0.15)
+    assert fit_["after"]["heldout_nrmse"] < 1.2 * fit_["noise_nrmse"]
+    assert fit_["heldout_ratio_95"][1] < 0.6
+    # First loading is where softening does not act.
+    assert {r["branch"] for r in result["mismatch"]} <= {
+        "unloading",
+        "reloading",
+        "hold",
+        "first loading",
+    }
+    first = sum(
+        r["share"] for r in result["mismatch"] if r["branch"] == "first loading"
+    )
+    assert first < 0.05
+    assert sum(r["share"] for r in result["mismatch"]) == pytest.approx(1.0)
+
+
+def test_two_effects_are_both_named(tmp_path):
+    lag = Term(effect("sensor_lag"), {"time_constant_s": 0.3, "second": 0.0})
+    found = diagnose(read_case(write_case(tmp_path / "pair", [mullins(), lag])))
+    assert sorted(found.result["selected"]) == ["mullins_softening", "sensor_lag"]
+
+
+def test_offsets_in_two_recordings_are_told_by_name(tmp_path):
+    own = np.array([0, 0.03, 0, 0, -0.02])
+    offset = Term(effect("zero_offset"), {"offset_MPa": own})
+    found = diagnose(read_case(write_case(tmp_path / "off", [offset])))
+    assert found.result["selected"] == ["zero_offset"]
+    values = found.result["explanations"][0]["parameters"]
+    assert values["offset_MPa of r1"]["value"] == pytest.approx(0.03, abs=0.001)
+    assert values["offset_MPa of r4"]["value"] == pytest.approx(-0.02, abs=0.001)
+    assert found.result["explanations"][0]["recordings"] == ["r1", "r4"]
+
+
+def test_scale_between_specimens_is_no_news(tmp_path):
+    chunks = histories()
+    clean = simulate(UNITS, STIFFNESS, [], chunks)
+    scaled = [s * (1.15 if i > 2 else 1.0) for i, s in enumerate(clean)]
+    lines = "".join(f'r{i} = "{"B" if i > 2 else "A"}"\n' for i in range(5))
+    folder = write_case(tmp_path / "two", stress=scaled, toml="[specimen]\n" + lines)
+    assert diagnose(read_case(folder)).result["verdict"] == "nothing_missing"
+    (folder / "case.toml").unlink()
+    assert diagnose(read_case(folder)).result["selected"] == ["gain_error"]
+
+
+def test_a_simulation_from_elsewhere_is_kept_as_it_is(tmp_path):
+    folder = write_case(tmp_path / "given", [mullins()])
+    for chunk, s, file in zip(
+        histories(),
+        simulate(UNITS, STIFFNESS, [], histories()),
+        sorted((folder / "recordings").glob("*.csv")),
+        strict=True,
+    ):
+        frame = pd.read_csv(file)
+        frame["simulated_MPa"] = s
+        frame.to_csv(file, index=False)
+        assert len(chunk.time_s) == len(frame)
+    found = diagnose(read_case(folder))
+    assert found.result["model"] == "simulated"
+    assert found.result["selected"] == ["mullins_softening"]
+    assert found.model["base"]["corrects_simulated_MPa"]
+
+
+@pytest.mark.slow
+def test_what_is_on_no_list_is_not_named_with_confidence(tmp_path):
+    chunks = histories()
+    clean = simulate(UNITS, STIFFNESS, [], chunks)
+    # A bump at one strain on every loading, gone on unloading: no effect here.
+    odd = []
+    for chunk, s in zip(chunks, clean, strict=True):
+        up = np.gradient(chunk.strain) > 0
+        odd.append(
+            s + 0.06 * up * np.sin(25 * chunk.strain) ** 2 * (chunk.strain > 0.1)
+        )
+    result = diagnose(read_case(write_case(tmp_path / "odd", stress=odd))).result
+    assert result["verdict"] != "nothing_missing"
+    assert all(e["probability"] < 0.5 for e in result["explanations"])
+
+
+# -- pieces ----------------------------------------------------------------------------
+
+
+def test_phases_of_a_triangle_with_a_hold():
+    chunk = straight([0, 0.5, 0.1, 0.6, 0.6, 0], 0.1, 0.05)
+    told = [BRANCHES[b] for b in phases(chunk).branch]
+    at = {t: told[int(t / 0.05)] for t in (2.5, 7.0, 11.0, 13.5, 40.0, 77.0)}
+    assert at == {
+        2.5: "first loading",
+        7.0: "unloading",
+        11.0: "reloading",
+        13.5: "first loading",
+        40.0: "hold",
+        77.0: "unloading",
+    }
+    assert phases(chunk).cycle.max() == 2
+
+
+def test_runs():
+    mask = np.array([1, 1, 0, 1, 1, 1], bool)
+    label = np.array([0, 0, 0, 1, 1, 2])
+    assert runs(mask, label) == [(0, 2), (3, 5), (5, 6)]
+
+
+def test_heldout_of_a_linear_base_is_that_of_refitting():
+    rng = np.random.default_rng(2)
+    chunks = tuple(histories()[:3])
+    units = Units("pl-sls", (0.0, 0.2, 1.0), (1.0,))
+    units = Units("pl-wiechert", units.knots, (0.5, 5.0))
+    stress = tuple(
+        s + 0.01 * rng.standard_normal(len(s))
+        for s in simulate(UNITS, STIFFNESS, [], chunks)
+    )
+    engine = Engine(Data(("a", "b", "c"), chunks, stress))
+    found = fit(engine, Guess(units, np.zeros(4)))
+    errors, _ = heldout(engine, found)
+    for r in range(3):
+        rest = [i for i in range(3) if i != r]
+        other = Engine(
+            Data(
+                ("x", "y"),
+                tuple(chunks[i] for i in rest),
+                tuple(stress[i] for i in rest),
+            )
+        )
+        alone = fit(other, Guess(units, np.zeros(4))).guess
+        (predicted,) = simulate(units, alone.stiffness, [], [chunks[r]])
+        expected = float(np.sum((predicted - stress[r]) ** 2))
+        assert errors[r] == pytest.approx(expected, rel=2e-3)
+
+
+def test_ratio_interval_covers_the_ratio():
+    rng = np.random.default_rng(0)
+    before = rng.uniform(1, 2, 7)
+    ratio, low, high = ratio_interval(before, 0.25 * before, rng)
+    assert ratio == pytest.approx(0.5)
+    assert low == pytest.approx(0.5)
+    assert high == pytest.approx(0.5)
+
+
+def test_stress_after_a_gap_on_the_move_is_not_used():
+    time = np.concatenate([np.arange(0, 10, 0.1), np.arange(13, 60, 0.1)])
+    strain = 0.3 * np.sin(2 * np.pi * time / 2.0)
+    recording = Recording(time, strain, strain, name="a")
+    case = softnn.mismatch.Case("c", (recording,))
+    stress = mask_gaps(case).recordings[0].stress_MPa
+    assert np.isnan(stress[(time > 12) & (time < 30)]).all()
+    assert np.isfinite(stress[(time < 10) | (time > 40)]).all()
+    still = Recording(time, np.full(len(time), 0.3), strain, name="a")
+    held = mask_gaps(softnn.mismatch.Case("c", (still,))).recordings[0].stress_MPa
+    assert np.isfinite(held).all()
+
+
+def test_thinning_keeps_reversals():
+    time = np.arange(0, 100, 0.01)
+    strain = 0.5 * np.abs((time / 10) % 2 - 1)
+    case = softnn.mismatch.Case("c", (Recording(time, strain, strain, name="a"),))
+    few = to_data(thin(case, 200)).chunks[0]
+    assert len(few.time_s) < 300
+    assert np.interp(10.0, few.time_s, few.strain) == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(np.interp(time, few.time_s, few.strain) - strain).max() < 0.01
+
+
+# -- files and commands ----------------------------------------------------------------
+
+
+def conforms(value, schema, root=None, path="$"):
+    """The part of JSON Schema that the schemas here use."""
+    root = root or schema
+    if "$ref" in schema:
+        node = root
+        for key in schema["$ref"].removeprefix("#/").split("/"):
+            node = node[key]
+        schema = node
+    kinds = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "boolean": bool,
+        "null": type(None),
+        "number": (int, float),
+        "integer": int,
+    }
+    allowed = schema.get("type")
+    if allowed is not None:
+        allowed = [allowed] if isinstance(allowed, str) else allowed
+        good = any(
+            isinstance(value, kinds[k])
+            and not (isinstance(value, bool) and k != "boolean")
+            for k in allowed
+        )
+        assert good, f"{path}: {value!r} is not {allowed}"
+    if "enum" in schema:
+        assert value in schema["enum"], f"{path}: {value!r}"
+    if "const" in schema:
+        assert value == schema["const"], f"{path}: {value!r}"
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        assert value >= schema.get("minimum", -np.inf), f"{path}: {value}"
+        assert value <= schema.get("maximum", np.inf), f"{path}: {value}"
+    if isinstance(value, dict):
+        missing = set(schema.get("required", [])) - set(value)
+        assert not missing, f"{path}: no {missing}"
+        known = schema.get("properties", {})
+        extra = schema.get("additionalProperties", True)
+        for key, item in value.items():
+            if key in known:
+                conforms(item, known[key], root, f"{path}.{key}")
+            elif isinstance(extra, dict):
+                conforms(item, extra, root, f"{path}.{key}")
+            else:
+                assert extra, f"{path}: {key} is not in the schema"
+    if isinstance(value, list) and "items" in schema:
+        assert len(value) >= schema.get("minItems", 0), path
+        for i, item in enumerate(value):
+            conforms(item, schema["items"], root, f"{path}[{i}]")
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cases")
+    write_case(folder / "soft <b>", [mullins()])
+    out = folder / "out"
+    code = main(
+        ["diagnose", str(folder / "soft <b>"), "--out", str(out), "--jobs", "1"]
+    )
+    assert code == 0
+    return folder, out / "soft__b_"
+
+
+def test_files_keep_to_their_schemas(diagnosed):
+    _, out = diagnosed
+    for name, schema in (
+        ("diagnosis", "diagnosis"),
+        ("model", "model"),
+        ("base", "model"),
+    ):
+        value = json.loads((out / f"{name}.json").read_text())
+        conforms(value, json.loads((FOLDER / f"{schema}.schema.json").read_text()))
+
+
+def test_report_stands_alone_and_escapes_names(diagnosed):
+    _, out = diagnosed
+    page = (out / "report.html").read_text()
+    assert "<b>" not in page
+    assert "soft &lt;b&gt;" in page
+    assert "http" not in page.replace("http-equiv", "")
+    for name in ("recordings", "residuals", "candidates"):
+        assert (out / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_simulate_repeats_the_corrected_model_without_the_stress(diagnosed, tmp_path):
+    folder, out = diagnosed
+    files = sorted((folder / "soft <b>" / "recordings").glob("*.csv"))
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    for file in files:
+        pd.read_csv(file)[["time_s", "strain"]].to_csv(bare / file.name, index=False)
+    model = str(out / "model.json")
+    assert (
+        main(["simulate", model, *map(str, files), "--out", str(tmp_path / "a")]) == 0
+    )
+    again = [str(bare / f.name) for f in files]
+    assert main(["simulate", model, *again, "--out", str(tmp_path / "b")]) == 0
+    clean = simulate(UNITS, STIFFNESS, [mullins()], histories())
+    for file, truth in zip(files, clean, strict=True):
+        one = pd.read_csv(tmp_path / "a" / file.name)
+        two = pd.read_csv(tmp_path / "b" / file.name)
+        np.testing.assert_array_equal(one["simulated_MPa"], two["simulated_MPa"])
+        assert "stress_MPa" in one
+        assert "stress_MPa" not in two
+        # Twice the noise of the 2 000 samples it was fitted to, at worst.
+        assert np.sqrt(np.mean((one["simulated_MPa"] - truth) ** 2)) < 0.002
+
+
+def test_model_file_reads_back_as_it_was(diagnosed):
+    _, out = diagnosed
+    stored = read_model(out / "model.json")
+    assert stored.pieces[0].effect.id == "mullins_softening"
+    data = json.loads((out / "model.json").read_text())
+    with pytest.raises(InputError, match="no effect 'x'"):
+        data["effects"][0]["effect"] = "x"
+        from_dict(data)
+    with pytest.raises(InputError, match="kind"):
+        from_dict({})
+
+
+def test_a_stored_model_is_a_base(diagnosed):
+    folder, out = diagnosed
+    case = read_case(folder / "soft <b>")
+    corrected = diagnose(case, read_model(out / "model.json"))
+    assert corrected.result["verdict"] == "nothing_missing"
+    plain = from_dict(to_dict(Guess(UNITS, STIFFNESS), [], "fresh", False))
+    assert diagnose(case, plain).result["selected"] == ["mullins_softening"]
+
+
+def refuse(capsys, arguments, *words):
+    assert main(arguments) == 2
+    said = capsys.readouterr().err.strip()
+    assert "\n" not in said
+    for word in words:
+        assert word in said
+
+
+def test_bad_input_is_one_clear_line(tmp_path, capsys):
+    out = ["--out", str(tmp_path / "out"), "--jobs", "1"]
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    refuse(capsys, ["diagnose", str(empty), *out], "no recordings")
+    refuse(capsys, ["diagnose", str(tmp_path / "none"), *out], "no such folder")
+    good = write_case(tmp_path / "good")
+    refuse(
+        capsys, ["diagnose", str(good), *out, "--model", "mawxell"], "mawxell", "hooke"
+    )
+    for name, column, factor, word in (
+        ("percent", "strain", 100, "per cent"),
+        ("pascal", "stress_MPa", 1e6, "Pa"),
+    ):
+        folder = write_case(tmp_path / name)
+        file = folder / "recordings/r2.csv"
+        frame = pd.read_csv(file)
+        frame[column] *= factor
+        frame.to_csv(file, index=False)
+        refuse(capsys, ["diagnose", str(folder), *out], "r2.csv", "row", word)
+    folder = write_case(tmp_path / "nan")
+    frame = pd.read_csv(folder / "recordings/r0.csv")
+    frame["stress_MPa"] = np.nan
+    frame.to_csv(folder / "recordings/r0.csv", index=False)
+    refuse(capsys, ["diagnose", str(folder), *out], "r0.csv", "no number")
+    folder = write_case(tmp_path / "key", toml='modle = "hooke"\n')
+    refuse(capsys, ["diagnose", str(folder), *out], "modle")
+    folder = write_case(tmp_path / "still", toml='model = "hooke"\n')
+    for file in (folder / "recordings").glob("*.csv"):
+        frame = pd.read_csv(file)
+        frame["strain"] = 0.0
+        frame.to_csv(file, index=False)
+    refuse(capsys, ["diagnose", str(folder), *out], "never leaves zero")
+
+
+@pytest.mark.parametrize("n", [4, 10, 25])
+def test_a_few_samples_get_an_honest_verdict(tmp_path, n):
+    (tmp_path / "recordings").mkdir()
+    rng = np.random.default_rng(0)
+    strain = np.linspace(0, 0.5, n)
+    pd.DataFrame(
+        {
+            "time_s": np.arange(n),
+            "strain": strain,
+            "stress_MPa": strain + 0.01 * rng.standard_normal(n),
+        }
+    ).to_csv(tmp_path / "recordings/a.csv", index=False)
+    assert diagnose(read_case(tmp_path)).result["verdict"] in (
+        "undetermined",
+        "nothing_missing",
+    )
+
+
+def test_constant_strain_and_one_recording_are_allowed(tmp_path):
+    (tmp_path / "recordings").mkdir()
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 50, 0.1)
+    stress = 0.3 + 0.2 * np.exp(-time / 5) + 0.002 * rng.standard_normal(len(time))
+    pd.DataFrame({"time_s": time, "strain": 0.4, "stress_MPa": stress}).to_csv(
+        tmp_path / "recordings/a.csv", index=False
+    )
+    result = diagnose(read_case(tmp_path)).result
+    assert result["verdict"] in ("nothing_missing", "undetermined")
