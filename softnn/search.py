@@ -119,10 +119,15 @@ class Search:
 
     def remember(self, key: str, value: str) -> str:
         """The text kept with the search under `key`; `value` if there is none yet."""
-        kept = self._study.user_attrs.get(key)
+        kept = self.remembered(key)
         if kept is None:
             self._study.set_user_attr(key, value)
-        return str(value if kept is None else kept)
+        return value if kept is None else kept
+
+    def remembered(self, key: str) -> str | None:
+        """The text kept under `key`, if any."""
+        kept = self._study.user_attrs.get(key)
+        return None if kept is None else str(kept)
 
     def run(self, parameters: Mapping[str, Value], objective: Objective) -> Finished:
         """The trial of these parameters: as stored, else run now."""

@@ -7,10 +7,8 @@ the samples, as in Table 6.4 and Figs 6.2 and 6.3 of the thesis, and by strain r
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,9 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(settings: Settings, places: Places) -> dict[str, Any]:
     """The study of every material asked for; returns what was written."""
-    began = time.perf_counter()
     found = [study(data, settings, places) for data in prepared(settings)]
-    headline = headline_of_all(found, time.perf_counter() - began)
+    headline = headline_of_all(found)
     name = settings.file_name("inputs")
     files = save_figure(draw(found, settings), name, places.results)
     path = write_result(
@@ -134,6 +131,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             texts={"inputs.md": text},
             tags={"best": best},
         )
+        seconds = sweep.seconds
     print(f"\n{data.label}: best {best}\n\n{text}\n")
     if sweep.from_store():
         print(sweep.from_store())
@@ -144,6 +142,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
         "headline": headline,
         "trials": [trial_entry(t) for of in trials.values() for t in of.values()],
         "trials_from_store": sum(t.stored for t in sweep.trials),
+        "seconds": seconds,
         "study_key": sweep.key,
     }
 
@@ -152,7 +151,7 @@ def draw(found: Sequence[dict[str, Any]], settings: Settings) -> Figure:
     """Generalisation error of each architecture, a panel a material."""
     columns = min(len(found), 4)
     rows = -(-len(found) // columns)
-    figure = new_figure(max(3.4, 2.4 * columns), 2.6 * rows + 0.3)
+    figure = new_figure(max(4.8, 2.4 * columns), 2.6 * rows + 0.4)
     panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False).ravel())
     for axes in panels[len(found) :]:
         axes.set_visible(False)
@@ -174,10 +173,10 @@ def draw(found: Sequence[dict[str, Any]], settings: Settings) -> Figure:
         axes.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
         axes.tick_params(axis="x", labelsize=7)
     panels[0].set_ylabel(f"NRMSE [%], {WHAT[settings.split]}")
+    source = "virtual specimens" if settings.data == "virtual" else settings.data
     figure.suptitle(
-        f"{found[0]['label'] if len(found) == 1 else Path(settings.data).stem}: "
-        f"{settings.neurons[0]} neurons, {settings.fraction:.0%} of the samples; "
-        "bar: mean, dots: folds",
+        f"{source}: {settings.neurons[0]} neurons, {settings.fraction:.0%} of the "
+        "samples; bar: mean, dots: folds",
         fontsize=9,
         x=0.01,
         ha="left",

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import sys
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -87,13 +86,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(settings: Settings, places: Places, keep_best: bool = False) -> dict[str, Any]:
     """The study of every material asked for; returns what was written."""
-    began = time.perf_counter()
     found = []
     for data in prepared(settings):
         found.append(study(data, settings, places))
         if keep_best:
             keep(found[-1], data, settings)
-    headline = headline_of_all(found, time.perf_counter() - began)
+    headline = headline_of_all(found)
     path = write_result(
         settings.file_name("neurons"),
         headline,
@@ -158,7 +156,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             },
             tags={"best": f"{best.parameters['neurons']} neurons"},
         )
-        stored = sum(t.stored for t in sweep.trials)
+        stored, seconds = sum(t.stored for t in sweep.trials), sweep.seconds
     print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{NOTE}")
     for note in filter(None, [sweep.from_store(), *notes(judged, baselines)]):
         print(note)
@@ -184,6 +182,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
         },
         "baselines": baselines,
         "trials_from_store": stored,
+        "seconds": seconds,
         "study_key": sweep.key,
     }
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from softnn.materials import MATERIALS, table
 from softnn.search import Finished
-from studies.common import COLOURS, FAINT, INK, new_figure, percent
+from studies.common import COLOURS, FAINT, new_figure, percent
 from studies.material_data import Data
 from studies.settings import Settings
 from studies.sweep import WHAT
@@ -206,8 +206,13 @@ def draw(
         _panel(axes, grid, best, key, mean, reference)
         axes.set_ylabel(label)
     number = len(best.result["nrmse"])
-    left.set_title(f"{data.label}, {WHAT[settings.split]}", color=INK)
-    right.set_title(f"{settings.inputs}, {number} networks a count", color=INK)
+    figure.suptitle(
+        f"{data.label}: {settings.inputs}, {WHAT[settings.split]}, {number} networks "
+        "a count",
+        fontsize=9,
+        x=0.01,
+        ha="left",
+    )
     left.legend(loc="lower right", fontsize=8)
     return figure
 

@@ -9,7 +9,6 @@ drawn anew.
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -80,9 +79,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(settings: Settings, places: Places, trials: int) -> dict[str, Any]:
     """The study of every material asked for; returns what was written."""
-    began = time.perf_counter()
     found = [study(data, settings, places, trials) for data in prepared(settings)]
-    headline = headline_of_all(found, time.perf_counter() - began)
+    headline = headline_of_all(found)
     path = write_result(
         settings.file_name("regularisation"),
         headline,
@@ -149,6 +147,7 @@ def study(
             texts={"regularisation.md": text},
             tags={"best": best},
         )
+        seconds = sweep.seconds
     print(f"\n{data.label}: best on folds drawn anew {best}\n\n{text}\n")
     if sweep.from_store():
         print(sweep.from_store())
@@ -159,6 +158,7 @@ def study(
         "headline": headline,
         "trials": [trial_entry(t) for t in sweep.trials],
         "trials_from_store": sum(t.stored for t in sweep.trials),
+        "seconds": seconds,
         "study_key": sweep.key,
     }
 
@@ -208,6 +208,10 @@ def draw(
         ("early-stopping", COLOURS[3], "--"),
     ):
         axes.axhline(100 * ways[name].value, color=colour, linestyle=dashes, label=name)
+    low, high = axes.get_ylim()
+    ticks = [t for t in (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 100) if low <= t <= high]
+    axes.set_yticks(ticks, [f"{t}" for t in ticks])
+    axes.minorticks_off()
     axes.set_xlabel("L2 weight (normalised units)")
     axes.set_ylabel(f"NRMSE [%], {WHAT[settings.split]}")
     axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -164,6 +165,7 @@ class Sweep:
     ) -> None:
         from softnn.tracking import Tracker
 
+        self._began = time.perf_counter()
         self.study, self.data, self.settings = study, data, settings
         content = {
             "study": study,
@@ -291,6 +293,18 @@ class Sweep:
         """When the last trial finished."""
         return max(t.ended for t in self.trials)
 
+    @property
+    def seconds(self) -> float | None:
+        """Time since the opening; None where no run has done all the work at once.
+
+        Asked for again from the store, it is that of the run which did the work.
+        """
+        if not any(t.stored for t in self.trials):
+            taken = time.perf_counter() - self._began
+            return float(self.search.remember("seconds", f"{taken:.2f}"))
+        kept = self.search.remembered("seconds")
+        return None if kept is None else float(kept)
+
     def from_store(self) -> str:
         """One line on what was not run again, or nothing."""
         old = sum(t.stored for t in self.trials)
@@ -302,17 +316,15 @@ class Sweep:
         )
 
 
-def headline_of_all(
-    found: Sequence[Mapping[str, Any]], seconds: float
-) -> dict[str, Any]:
+def headline_of_all(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The headlines of several materials as one flat one, and the time all took."""
     headline: dict[str, Any] = {}
     for one in found:
         prefix = f"{one['material']}_" if len(found) > 1 else ""
         headline |= {prefix + key: value for key, value in one["headline"].items()}
-    # A time is a result only of a run that did all the work.
-    stored = sum(one["trials_from_store"] for one in found)
-    return headline | {"wall_s": None if stored else round(seconds, 1)}
+    seconds = [one["seconds"] for one in found]
+    whole = None if None in seconds else round(sum(seconds), 1)
+    return headline | {"study_s": whole}
 
 
 def trial_entry(trial: Finished) -> dict[str, Any]:

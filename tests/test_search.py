@@ -122,9 +122,11 @@ def test_minimise_finds_the_valley_and_resumes_where_it_was(tmp_path):
 
 def test_remember_keeps_the_first(tmp_path):
     with Search(address(tmp_path), "s", GRID) as search:
+        assert search.remembered("run") is None
         assert search.remember("run", "first") == "first"
     with Search(address(tmp_path), "s", GRID) as search:
         assert search.remember("run", "second") == "first"
+        assert search.remembered("run") == "first"
 
 
 def test_one_process_a_search(tmp_path):
