@@ -19,7 +19,7 @@ ORDER = (
     ("fit",),
     ("crossval",),
     ("search", "tracking"),
-    ("mismatch",),
+    ("mismatch", "report"),
     ("cli",),
 )
 RANK = {name: i for i, row in enumerate(ORDER) for name in row}

@@ -9,9 +9,9 @@ from sklearn.linear_model import BayesianRidge
 
 from softnn.contracts import InputError
 from softnn.metrics import nrmse
-from softnn.neural import Network, Regularisation, Settings, train
+from softnn.neural import Network, Regularisation, Scaling, Settings, train
 from softnn.neural.levenberg import minimise
-from softnn.neural.training import _Tanh
+from softnn.neural.training import CELLS, _Set, _stack, _summary, _Tanh
 
 
 def small_problem(rng, networks=3, rows=37, d=2, neurons=(4, 2, 3)):
@@ -20,16 +20,16 @@ def small_problem(rng, networks=3, rows=37, d=2, neurons=(4, 2, 3)):
     y = torch.from_numpy(rng.standard_normal((networks, rows)))
     weight = torch.ones(networks, rows, dtype=torch.float64)
     weight[1, -5:] = 0  # a shorter fold, padded
-    task = _Tanh(x, y, weight, torch.tensor(neurons))
+    weight[2] *= torch.from_numpy(rng.uniform(0.5, 3, rows))  # rows that count more
+    task = _Tanh(x, y, weight, torch.zeros(networks).double(), torch.tensor(neurons))
     theta = torch.from_numpy(rng.standard_normal((networks, 4 * (d + 2) + 1)))
     return task, theta
 
 
-def outputs(task, i, theta):
+def errors(task, i, theta):
     hidden, output, bias = task.split(theta[None])
-    return (torch.tanh(task.x[i] @ hidden[0]) @ output[0, 0] + bias[0])[
-        task.weight[i] > 0
-    ]
+    predicted = torch.tanh(task.x[i] @ hidden[0]) @ output[0, 0] + bias[0]
+    return (predicted - task.y[i]) * task.weight[i].sqrt()
 
 
 def test_jacobian_gradient_and_hessian_agree_with_autograd():
@@ -37,14 +37,12 @@ def test_jacobian_gradient_and_hessian_agree_with_autograd():
     hessian, gradient, exact = task.normal(theta, torch.arange(3))
     for i in range(3):
         jacobian = torch.autograd.functional.jacobian(
-            lambda p, i=i: outputs(task, i, p), theta[i]
+            lambda p, i=i: errors(task, i, p), theta[i]
         )
         torch.testing.assert_close(hessian[i], jacobian.T @ jacobian)
 
         def half_sse(p, i=i):
-            return (
-                (outputs(task, i, p) - task.y[i][task.weight[i] > 0]) ** 2
-            ).sum() / 2
+            return (errors(task, i, p) ** 2).sum() / 2
 
         slope = torch.autograd.functional.jacobian(half_sse, theta[i])
         torch.testing.assert_close(gradient[i], slope)
@@ -228,6 +226,26 @@ def test_a_start_on_few_samples_ends_where_a_full_one_does(monkeypatch):
     assert nrmse(quick.network.predict(x), y) == pytest.approx(
         nrmse(full.network.predict(x), y), rel=0.02
     )
+
+
+def test_samples_of_equal_inputs_may_be_counted_together():
+    rng = np.random.default_rng(9)
+    x, y = tensile(rng, rows=9000)
+    scale = Scaling.of(x)
+    whole = _Set(scale.apply(x), y, np.ones(len(y)))
+    few = _summary(whole, rng)
+    assert len(few.y) <= 3 * CELLS < len(y) / 2
+    assert few.weight.sum() == len(y)
+    theta = torch.from_numpy(rng.standard_normal((1, 4 * 4 + 1)))
+    one = torch.tensor([0])
+
+    def costs(rows):
+        arrays = (torch.from_numpy(a) for a in _stack([rows]))
+        task = _Tanh(*arrays, torch.tensor([4]))
+        return task.sse(theta, one), *task.normal(theta, one)[:2]
+
+    for summed, full in zip(costs(few), costs(whole), strict=True):
+        torch.testing.assert_close(summed, full, rtol=1e-4, atol=1e-4 * len(y))
 
 
 def test_what_a_small_network_made_a_small_network_finds():

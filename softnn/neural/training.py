@@ -22,7 +22,8 @@ from softnn.neural.levenberg import DEFAULTS, Result, Settings, minimise
 from softnn.neural.network import Network, Scaling
 
 CHUNK = {"cpu": 2**20, "cuda": 2**27}  # Jacobian entries held at once
-SUBSET = 2000  # samples the start is found on; enough to fix 81 parameters
+CELLS = 512  # a range of inputs; samples in one cell are alike
+SUBSET = 2000  # samples, where few are alike; enough to fix 81 parameters
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
 
 
@@ -88,9 +89,10 @@ class Trained:
 class _Tanh:
     """Networks of one tanh layer as the least-squares problems of `levenberg`.
 
-    x (B, m, d + 1) with a last column of ones, y and weight (B, m); a row of weight 0
-    is padding. A parameter row is W_1 column by column, b_1, w_2, b_2. A network with
-    fewer neurons than the widest has zeros there, which stay zero by themselves.
+    x (B, m, d + 1) with a last column of ones, y and weight (B, m): a row counts
+    `weight` times, and not at all where that is 0. `within` (B,) is a sum of squared
+    errors that no network changes. A parameter row is W_1 column by column, b_1, w_2,
+    b_2. A network with fewer neurons than the widest has zeros there, which stay zero.
     """
 
     def __init__(
@@ -98,14 +100,15 @@ class _Tanh:
         x: Tensor,
         y: Tensor,
         weight: Tensor,
+        within: Tensor,
         neurons: Tensor,
         held_out: _Tanh | None = None,
     ) -> None:
-        self.x, self.y, self.weight = x, y, weight
+        self.x, self.y, self.weight, self.within = x, y, weight, within
         self.width = int(neurons.max())
         self.count = weight.sum(dim=1)
         self.size = neurons * (x.shape[2] + 1) + 1
-        self.shortest = int(self.count.min())
+        self.plain = int((weight == 1).long().cumprod(dim=1).sum(dim=1).min())
         self.held_out = held_out
 
     def split(self, parameters: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -122,7 +125,7 @@ class _Tanh:
 
     def sse(self, parameters: Tensor, which: Tensor) -> Tensor:
         hidden, output, bias = self.split(parameters)
-        total = self.x.new_zeros(len(which))
+        total = self.within[which].clone()
         for rows in self._chunks(len(which), 2 * self.width):
             layer = torch.bmm(self.x[which, rows], hidden).tanh_()
             error = torch.bmm(layer, output.transpose(1, 2)).squeeze(2)
@@ -148,8 +151,9 @@ class _Tanh:
             jacobian[:, :, -1] = 1
             error = torch.bmm(layer, output.transpose(1, 2)).squeeze(2)
             error += bias - self.y[which, rows]
-            if rows.stop > self.shortest:  # padding rows count for nothing
-                error *= self.weight[which, rows]
+            root = self.weight[which, rows].sqrt() if rows.stop > self.plain else None
+            if root is not None:
+                error *= root * root
             slope = torch.addcmul(torch.ones_like(output), layer, layer, value=-1)
             felt = slope * error[:, :, None]
             mixed.baddbmm_(x.transpose(1, 2), felt)
@@ -163,8 +167,8 @@ class _Tanh:
                 )
             jacobian[:, :, (d1 - 1) * s : d1 * s] = slope
             gradient += torch.bmm(error[:, None], jacobian).squeeze(1)
-            if rows.stop > self.shortest:
-                jacobian *= self.weight[which, rows, None]
+            if root is not None:
+                jacobian *= root[:, :, None]
             hessian.baddbmm_(jacobian.transpose(1, 2), jacobian)
         bent *= -2 * output
         curvature = self.x.new_zeros(b, d1 + 1, s, d1 + 1, s)
@@ -196,7 +200,7 @@ def train(
 
     inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
     Normalisation is that of the training samples alone. With `starts` above 1 the best
-    of that many starts, by log evidence on at most `SUBSET` samples, is trained on.
+    of that many starts, by log evidence on the summary of the samples, is trained on.
     The same seed starts the same network, whatever else is in the batch.
     """
     inputs, target = np.asarray(inputs, float), np.asarray(target, float)
@@ -274,11 +278,10 @@ def _train_batch(
     counts = torch.tensor([job.neurons for job in jobs], device=device)
     width = int(counts.max())
 
-    def problem(chosen: list[np.ndarray], repeats: int = 1) -> _Tanh:
-        many = [r for r in chosen for _ in range(repeats)]
-        scale = [s for s in scalings for _ in range(repeats)]
-        x, y, weight = _gather(inputs, target, many, scale, device)
-        return _Tanh(x, y, weight, counts.repeat_interleave(repeats))
+    def problem(sets: list[_Set], repeats: int = 1) -> _Tanh:
+        many = [one for one in sets for _ in range(repeats)]
+        x, y, weight, within = (torch.from_numpy(a).to(device) for a in _stack(many))
+        return _Tanh(x, y, weight, within, counts.repeat_interleave(repeats))
 
     def fit(task: _Tanh, start: Tensor, how: Settings) -> Result:
         decay: Tensor | float = 0.0
@@ -294,20 +297,21 @@ def _train_batch(
             for _ in range(starts)
         ]
     ).to(device)
-    if starts > 1 or any(len(r) > 2 * SUBSET for r in rows):
-        # Most of the way is gone on few samples, at a fraction of the cost; full data
-        # then move the answer by about its standard error on the few.
-        few = [
-            np.sort(rng.choice(r, SUBSET, replace=False)) if len(r) > SUBSET else r
-            for rng, r in zip(rngs, rows, strict=True)
-        ]
-        early = fit(problem(few, starts), start, replace(settings, settled_nats=0.5))
+    whole = [
+        _scaled(inputs, target, r, *z) for r, z in zip(rows, scalings, strict=True)
+    ]
+    fewer = [_summary(one, rng) for one, rng in zip(whole, rngs, strict=True)]
+    if starts > 1 or any(few is not one for few, one in zip(fewer, whole, strict=True)):
+        # Most of the way is gone on far fewer rows, at a fraction of the cost.
+        early = fit(problem(fewer, starts), start, settings)
         pick = early.evidence.reshape(-1, starts).nan_to_num(nan=-torch.inf).argmax(1)
-        first = torch.arange(len(rows), device=device) * starts
+        first = torch.arange(len(jobs), device=device) * starts
         start = early.parameters[first + pick]
-    task = problem(rows)
+        settings = replace(settings, settled_epochs=min(settings.settled_epochs, 3))
+    task = problem(whole)
     if held_out is not None:
-        task.held_out = problem(held_out)
+        sets = zip(held_out, scalings, strict=True)
+        task.held_out = problem([_scaled(inputs, target, r, *z) for r, z in sets])
     result = fit(task, start, settings)
     seconds = (time.perf_counter() - began) / len(rows)
     parts = task.split(result.parameters)
@@ -354,22 +358,64 @@ def _nguyen_widrow(rng: np.random.Generator, count: int, d: int, width: int) -> 
     return torch.from_numpy(np.concatenate([hidden.ravel(), output]))
 
 
-def _gather(
-    inputs: Array,
-    target: Array,
-    rows: list[np.ndarray],
-    scalings: list[tuple[Scaling, Scaling]],
-    device: str,
-) -> tuple[Tensor, Tensor, Tensor]:
-    most = max(len(r) for r in rows)
-    x = np.zeros((len(rows), most, inputs.shape[1] + 1))
-    y, weight = np.zeros((len(rows), most)), np.zeros((len(rows), most))
-    for i, (r, (scale, scale_y)) in enumerate(zip(rows, scalings, strict=True)):
-        x[i, : len(r), :-1] = scale.apply(inputs[r])
-        x[i, :, -1] = 1
-        y[i, : len(r)] = scale_y.apply(target[r])
-        weight[i, : len(r)] = 1
-    return tuple(torch.from_numpy(a).to(device) for a in (x, y, weight))  # type: ignore[return-value]
+@dataclass(frozen=True)
+class _Set:
+    """Normalised rows: inputs x (m, d), target y (m,), weight (m,); see `_Tanh`."""
+
+    x: Array
+    y: Array
+    weight: Array
+    within: float = 0.0
+
+
+def _scaled(
+    inputs: Array, target: Array, rows: np.ndarray, x: Scaling, y: Scaling
+) -> _Set:
+    return _Set(x.apply(inputs[rows]), y.apply(target[rows]), np.ones(len(rows)))
+
+
+def _summary(whole: _Set, rng: np.random.Generator) -> _Set:
+    """Far fewer rows that a network can be fitted to almost as well; or `whole`.
+
+    Samples of equal inputs, up to 1 / `CELLS` of their range, become one row: their
+    mean, counted as often. What they differ by among themselves no network can fit, so
+    the cost keeps its value, up to the square of a cell. Where inputs are too scattered
+    for that, `SUBSET` samples are drawn at random.
+    """
+    cells = np.floor((whole.x + 1) * (CELLS / 2)).astype(np.int64)
+    _, of, count = np.unique(
+        cells @ (2 * CELLS) ** np.arange(cells.shape[1]),
+        return_inverse=True,
+        return_counts=True,
+    )
+    if 2 * len(count) <= len(of):
+
+        def mean(values: Array) -> Array:
+            return np.bincount(of, values) / count
+
+        y = mean(whole.y)
+        return _Set(
+            np.column_stack([mean(column) for column in whole.x.T]),
+            y,
+            count.astype(float),
+            float(np.sum((whole.y - y[of]) ** 2)),
+        )
+    if len(of) <= 2 * SUBSET:
+        return whole
+    rows = np.sort(rng.choice(len(of), SUBSET, replace=False))
+    return _Set(whole.x[rows], whole.y[rows], whole.weight[rows])
+
+
+def _stack(sets: list[_Set]) -> tuple[Array, Array, Array, Array]:
+    """x (B, m, d + 1), y and weight (B, m), within (B,); padding has weight 0."""
+    most = max(len(one.y) for one in sets)
+    x = np.zeros((len(sets), most, sets[0].x.shape[1] + 1))
+    x[:, :, -1] = 1
+    y, weight = np.zeros((len(sets), most)), np.zeros((len(sets), most))
+    for i, one in enumerate(sets):
+        rows = slice(len(one.y))
+        x[i, rows, :-1], y[i, rows], weight[i, rows] = one.x, one.y, one.weight
+    return x, y, weight, np.array([one.within for one in sets])
 
 
 def _check(
