@@ -1,4 +1,4 @@
-"""What the network studies share: one trial, and trials kept and tracked.
+"""Trials of a network study, kept by the search and tracked in MLflow.
 
 A trial is one configuration, cross-validated: its networks are trained in one batch
 and scored on what they have not seen. `Sweep` keeps every finished trial in the search
@@ -12,7 +12,7 @@ import sys
 import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -24,13 +24,11 @@ from tqdm import tqdm
 
 import softnn
 from softnn.contracts import InputError
-from softnn.crossval import Folds, make_folds, rate_groups, score
-from softnn.metrics import nrmse
-from softnn.neural import Regularisation, Samples, Trained, samples, train
 from softnn.search import Finished, Objective, Range, Search, Value
 from studies.common import fingerprint
 from studies.material_data import Data
 from studies.settings import Places, Settings, listed
+from studies.trainer import Trainer
 
 if TYPE_CHECKING:
     from softnn.tracking import Tracker
@@ -41,110 +39,6 @@ WHAT = {
     "rate": "by rate",
     "recording": "by recording",
 }
-
-
-# --- one trial ------------------------------------------------------------------------
-
-
-class Trainer:
-    """Cross-validated networks on one material: `trainer(parameters)` is one trial.
-
-    `parameters` may hold neurons, split, inputs, regularisation and folds_seed; the
-    rest is as in the settings. A trial gives its generalisation error (thesis eq. 6.7)
-    and, ready for JSON, everything about it that is kept.
-    """
-
-    def __init__(self, data: Data, settings: Settings) -> None:
-        self.data, self.settings = data, settings
-        self._samples: dict[str, Samples] = {}
-
-    def samples(self, inputs: str) -> Samples:
-        """The training set of an input architecture, or the fraction asked for."""
-        if inputs not in self._samples:
-            whole = samples(self.data.tensile, inputs)
-            if self.settings.fraction < 1:
-                rng = np.random.default_rng([self.settings.seed, 10])
-                size = round(self.settings.fraction * len(whole.target))
-                index = np.sort(rng.choice(len(whole.target), size, replace=False))
-                whole = replace(
-                    whole,
-                    inputs=whole.inputs[index],
-                    target=whole.target[index],
-                    recording=whole.recording[index],
-                )
-            self._samples[inputs] = whole
-        return self._samples[inputs]
-
-    def folds(self, split: str, inputs: str, seed: int) -> Folds:
-        """The same folds for every neuron count, as in the thesis."""
-        rows = self.samples(inputs).recording
-        return make_folds(
-            self.data.tensile, rows, split, number=self.settings.folds, seed=seed
-        )
-
-    def networks(self, chosen: Mapping[str, Any], folds: Folds) -> list[Trained]:
-        """A network for each fold, trained without the samples of that fold."""
-        known = self.samples(chosen["inputs"])
-        number = len(folds.names)
-        seed = chosen.get("folds_seed", self.settings.seed)
-        return train(
-            known.inputs,
-            known.target,
-            neurons=[chosen["neurons"]] * number,
-            train_mask=folds.train,
-            seeds=[seed * 1000 + i for i in range(number)],
-            regularisation=Regularisation.parse(chosen["regularisation"]),
-        )
-
-    def __call__(self, parameters: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
-        chosen = asdict(self.settings) | dict(parameters)
-        known = self.samples(chosen["inputs"])
-        folds = self.folds(
-            chosen["split"],
-            chosen["inputs"],
-            chosen.get("folds_seed", self.settings.seed),
-        )
-        trained = self.networks(chosen, folds)
-        predicted = np.full(folds.test.shape, np.nan)
-        for row, test, one in zip(predicted, folds.test, trained, strict=True):
-            row[test] = one.network.predict(known.inputs[test])
-        scores = score(folds, predicted, known.target)
-        return scores.generalisation_error, {
-            "generalisation_error": scores.generalisation_error,
-            "r2_mean": scores.mean_r2,
-            "nrmse": scores.nrmse.tolist(),
-            "r2": scores.r2.tolist(),
-            "gamma": [t.gamma for t in trained],
-            "parameters": trained[0].parameters,
-            "iterations": [t.iterations for t in trained],
-            "stopped": [t.stopped for t in trained],
-            "seconds": float(sum(t.seconds for t in trained)),
-            "samples": len(known.target),
-            "test_samples": folds.test.sum(axis=1).tolist(),
-            "folds": list(folds.names),
-            "note": folds.note,
-            "nrmse_by_rate": self._by_rate(known, folds, predicted),
-        }
-
-    def _by_rate(
-        self, known: Samples, folds: Folds, predicted: np.ndarray
-    ) -> dict[str, float]:
-        """NRMSE of the held-out predictions at each strain rate."""
-        rates = rate_groups([r.rate_per_s for r in self.data.tensile])
-        of_sample = np.array([np.nan if r is None else r for r in rates])
-        of_sample = of_sample[known.recording]
-        # A sample is held out once, or never: the folds do not overlap.
-        pooled = np.where(folds.test, predicted, 0.0).sum(axis=0)
-        pooled[~folds.test.any(axis=0)] = np.nan
-        return {
-            f"{rate:g}": nrmse(
-                pooled[of_sample == rate], known.target[of_sample == rate]
-            )
-            for rate in np.unique(of_sample[np.isfinite(of_sample)])
-        }
-
-
-# --- trials, kept and tracked ---------------------------------------------------------
 
 
 class Sweep:
@@ -357,5 +251,9 @@ def describe(parameters: Mapping[str, Any]) -> str:
 def _code() -> tuple[Path, ...]:
     """The files whose change would change a trial's result, data apart."""
     package = Path(softnn.__file__).parent
-    single = [package / "crossval.py", package / "metrics.py", Path(__file__)]
+    single = [
+        package / "crossval.py",
+        package / "metrics.py",
+        Path(__file__).with_name("trainer.py"),
+    ]
     return (*sorted((package / "neural").glob("*.py")), *single)

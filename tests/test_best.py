@@ -12,7 +12,7 @@ import studies
 from softnn.metrics import nrmse
 from studies.material_data import prepared
 from studies.settings import Settings
-from studies.sweep import Trainer
+from studies.trainer import Trainer
 
 FILES = sorted((Path(studies.__path__[0]) / "best").glob("*.json"))
 CHEAPEST = "NatPolR"  # 7,229 samples: a fold of it trains in a second

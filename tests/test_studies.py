@@ -25,7 +25,7 @@ from studies.common import write_result
 from studies.material_data import Data, first_loading, prepared
 from studies.neurons_report import published
 from studies.settings import Settings, parse_neurons
-from studies.sweep import Trainer
+from studies.trainer import Trainer
 
 ROOT = Path(__file__).parents[1]
 FOLDER = Path(studies.__path__[0])

@@ -1,0 +1,63 @@
+"""Pictures of the README, from `studies/results`: `python -m studies.pictures`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from studies.common import COLOURS, FAINT, RESULTS, new_figure
+
+FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
+PANELS = {
+    "neurons": "virtual specimens of\nnatural rubber with polyester",
+    "neurons-vhb4910-zhao": "recordings of\nVHB 4910 acrylic tape",
+    "neurons-rubber-compression-relaxation": "recordings of\nrubber cylinders",
+}
+JUDGED = ("random folds", "by specimen", "by rate")
+MARKS = {
+    "network": (COLOURS[1], "o"),
+    "network, fewest needed": (COLOURS[4], "o"),
+    "PL-SLS": (COLOURS[0], "s"),
+    "PL-Wiechert": (COLOURS[2], "D"),
+}
+
+
+def judged() -> None:
+    """What random folds claim, and what a new specimen or a new rate shows."""
+    figure = new_figure(7.6, 2.4)
+    panels = figure.subplots(1, len(PANELS), sharey=True)
+    for axes, (name, title) in zip(panels, PANELS.items(), strict=True):
+        (one,) = json.loads((RESULTS / f"{name}.json").read_text())["materials"]
+        for model, (colour, mark) in MARKS.items():
+            for height, error in _errors(one, model).items():
+                axes.plot(
+                    100 * error, height, mark, color=colour, markersize=7, alpha=0.85
+                )
+        axes.set_xscale("log")
+        axes.set_xlim(1, 300)
+        axes.set_xticks([1, 10, 100], ["1", "10", "100"])
+        axes.set_title(title)
+        axes.set_xlabel("NRMSE [%]")
+        axes.set_ylim(len(JUDGED) - 0.5, -0.5)
+        axes.grid(axis="x", color=FAINT, alpha=0.3, linewidth=0.6)
+    panels[0].set_yticks(range(len(JUDGED)), JUDGED)
+    for model, (colour, mark) in MARKS.items():
+        panels[0].plot([], [], mark, color=colour, label=model)
+    figure.legend(loc="outside lower center", ncols=len(MARKS), fontsize=8)
+    FIGURES.mkdir(parents=True, exist_ok=True)
+    figure.savefig(FIGURES / "judged.png", dpi=110)
+
+
+def _errors(one: Mapping[str, Any], model: str) -> dict[int, float]:
+    """Error of a model by the row it is drawn on."""
+    return {
+        JUDGED.index(row["judged_on"]): row["nrmse"]
+        for row in one["comparison"]
+        if row["model"] == model and row["judged_on"] in JUDGED
+    }
+
+
+if __name__ == "__main__":
+    judged()
