@@ -35,12 +35,12 @@ from studies.neurons_report import (
     CHOSEN,
     FEW,
     HEADER,
-    NOTE,
     as_csv,
     comparison,
     count_row,
     draw,
     headline_of,
+    note_on,
     notes,
     printed,
 )
@@ -147,7 +147,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
         )
         sweep.tracker.result(
             {k: v for k, v in headline.items() if isinstance(v, int | float)},
-            note=f"**{data.label}**\n\n{text}\n\n{NOTE}",
+            note=f"**{data.label}**\n\n{text}\n\n{note_on(data)}",
             files=figure_of,
             texts={
                 "comparison.csv": as_csv(rows),
@@ -157,7 +157,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             tags={"best": f"{best.parameters['neurons']} neurons"},
         )
         stored, seconds = sum(t.stored for t in sweep.trials), sweep.seconds
-    print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{NOTE}")
+    print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{note_on(data)}")
     for note in filter(None, [sweep.from_store(), *notes(judged, baselines)]):
         print(note)
     return {
@@ -169,7 +169,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
         "headline": headline,
         "best": configuration(best, settings),
         "comparison": rows,
-        "note": NOTE,
+        "note": note_on(data),
         "grid": [trial_entry(t) for t in grid],
         "networks": {
             name: {

@@ -28,6 +28,10 @@ NOTE = (
     "the specimen or rate was seen in training. Fewest needed: R2 within one standard "
     "error of the largest (Breiman et al. 1984), where that is fewer neurons."
 )
+BY_CONSTRUCTION = (
+    " The scatter between virtual specimens was calibrated to the error of the thesis's "
+    "networks (studies/calibration.py): that the two agree on random folds shows nothing."
+)
 HEADER = ("judged on", "model", "NRMSE", "R2", "size")
 OVER_RATES = "mean over rates"
 CHOSEN, FEW = "network", "network, fewest needed"
@@ -87,6 +91,11 @@ def published(material: str) -> list[dict[str, Any]]:
             size = f"tolerance {row['tolerance']} %"
             rows.append(_row(OVER_RATES, f"thesis: {row['model']}", error, None, size))
     return rows
+
+
+def note_on(data: Data) -> str:
+    """What a reader of the comparison must know."""
+    return NOTE + (BY_CONSTRUCTION if data.is_virtual else "")
 
 
 def _row(

@@ -40,14 +40,17 @@ NAMES = sorted(
 def test_every_study_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     before = _contents(FOLDER / "results")
-    assert importlib.import_module(f"studies.{name}").main(["--smoke"]) == 0
+    study = importlib.import_module(f"studies.{name}")
+    assert study.main(["--smoke"]) == 0
+    assert _contents(FOLDER / "results") == before, "--smoke touched real results"
+    if "?" not in study.__doc__.split("\n\n")[0]:
+        return  # a tool: it answers no question, and has no result to write
     found = list((tmp_path / "mlruns" / "smoke" / "results").glob("*.json"))
     assert found, "a study ends in write_result"
     for path in found:
         headline = json.loads(path.read_text())["headline"]
         assert headline
         assert not any(isinstance(v, dict | list) for v in headline.values())
-    assert _contents(FOLDER / "results") == before, "--smoke touched real results"
 
 
 def _contents(folder: Path) -> dict[str, int]:
@@ -63,12 +66,16 @@ def test_virtual_training_set_has_the_published_size():
     assert len(Trainer(data, Settings()).samples("FFRD4").target) == 7229
 
 
+NOISE = 0.01  # MPa
+
+
 def line(rate: float, slope: float, name: str) -> Recording:
     strain = np.linspace(0, 1, 60)
+    rng = np.random.default_rng([int(10 * rate), int(name[-1])])
     return Recording(
         strain / rate,
         strain,
-        slope * strain,
+        slope * strain + NOISE * rng.standard_normal(60),
         name=name,
         specimen=name,
         test="tensile",
@@ -88,8 +95,8 @@ def test_trial_of_a_known_law():
     """Two lines, told apart by their rate: learnt from specimens, not across rates."""
     settings = Settings(neurons=(3,), folds=4)
     error, found = Trainer(LINES, settings)({"neurons": 3, "split": "specimen"})
-    assert error < 1e-3
-    assert found["r2_mean"] > 0.99999
+    # What cannot be foretold is the noise, over the RMS of lines of slope 1 and 2.
+    assert error == pytest.approx(NOISE * np.mean([1, 1 / 2]) / np.sqrt(1 / 3), rel=0.2)
     assert error == pytest.approx(np.mean(found["nrmse"]), rel=1e-12)
     assert set(found["nrmse_by_rate"]) == {"0.1", "0.5"}
     assert found["parameters"] == 3 * (2 + 1) + 3 + 1
