@@ -29,8 +29,9 @@ NOTE = (
     "error of the largest (Breiman et al. 1984), where that is fewer neurons."
 )
 BY_CONSTRUCTION = (
-    " The scatter between virtual specimens was calibrated to the error of the thesis's "
-    "networks (studies/calibration.py): that the two agree on random folds shows nothing."
+    " The scatter between virtual specimens was calibrated to the error of the "
+    "thesis's networks (studies/calibration.py): that the two agree on random folds "
+    "shows nothing."
 )
 HEADER = ("judged on", "model", "NRMSE", "R2", "size")
 OVER_RATES = "mean over rates"
