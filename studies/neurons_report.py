@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NOTE = (
-    "thesis: Table 6.6, measured on other recordings, which were never published. All "
-    "else is this run on the data named. Random folds: eq. 6.7, interpolation between "
-    "neighbours in time. Mean over rates: eq. 5.13, the rate fitted among them; for "
-    "the network, held-out samples of random folds. By specimen, by rate: nothing of "
-    "the specimen or rate was seen in training. Fewest needed: R2 within one standard "
-    "error of the largest (Breiman et al. 1984), where that is fewer neurons."
+    "Random folds: eq. 6.7, interpolation between neighbours in time. Mean over rates: "
+    "eq. 5.13, the rate fitted among them; for networks, held-out samples of random "
+    "folds. By specimen, by rate: nothing of the specimen or rate was seen in "
+    "training. Fewest needed: R2 within one standard error of the largest (Breiman et "
+    "al. 1984), where that is fewer neurons."
 )
-BY_CONSTRUCTION = (
-    " The scatter between virtual specimens was calibrated to the error of the "
-    "thesis's networks (studies/calibration.py): that the two agree on random folds "
-    "shows nothing."
+NOTE_ON_THESIS = (
+    " Thesis: Table 6.6, measured on other recordings, which were never published; all "
+    "else is this run, on virtual specimens. Their scatter was calibrated to the error "
+    "of the thesis's networks (studies/calibration.py): that the two agree on random "
+    "folds shows nothing."
 )
 HEADER = ("judged on", "model", "NRMSE", "R2", "size")
 OVER_RATES = "mean over rates"
@@ -96,7 +96,7 @@ def published(material: str) -> list[dict[str, Any]]:
 
 def note_on(data: Data) -> str:
     """What a reader of the comparison must know."""
-    return NOTE + (BY_CONSTRUCTION if data.is_virtual else "")
+    return NOTE + (NOTE_ON_THESIS if data.is_virtual else "")
 
 
 def _row(
