@@ -95,6 +95,7 @@ class Work:
     smoke: bool
     tracking: str
     folder: Path
+    figures: Path
 
 
 def options(name: str, doc: str | None) -> Parser:
@@ -131,7 +132,10 @@ def carry_out(
             one = study(asked, case)
             track(name, asked, case, one)
             found.append(one)
-        figures = save_figure(draw(asked, asked.cases, found), asked.name, asked.folder)
+        # A figure of real recordings is those recordings, and they are others' own.
+        figures = save_figure(
+            draw(asked, asked.cases, found), asked.name, asked.figures
+        )
         headline = {
             key if len(found) == 1 else f"{one['material']}_{key}": value
             for one in found
@@ -159,6 +163,8 @@ def asked_for(name: str, arguments: argparse.Namespace) -> Work:
     whole = material == "all"
     named = [name] + ([] if data == "virtual" else [source])
     named += [] if whole else ["".join(c for c in material if c.isalnum())]
+    project = results_folder(arguments.smoke)
+    local = home / "results"
     return Work(
         cases=cases(data, material, arguments.holds, arguments.seed, arguments.smoke),
         tolerances=TOLERANCES[::4] if arguments.smoke else TOLERANCES,
@@ -166,8 +172,8 @@ def asked_for(name: str, arguments: argparse.Namespace) -> Work:
         seed=arguments.seed,
         smoke=arguments.smoke,
         tracking=arguments.tracking or f"sqlite:///{(home / 'mlflow.db').as_posix()}",
-        folder=arguments.out
-        or (results_folder(arguments.smoke) if whole else home / "results"),
+        folder=arguments.out or (project if whole else local),
+        figures=arguments.out or (project if whole and data == "virtual" else local),
     )
 
 
