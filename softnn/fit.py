@@ -182,6 +182,7 @@ class Engine:
         self.owner = self.recording[self.valid]
         self.target = self.measured[self.valid]
         self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
+        self.fine: Engine | None = None  # the same recordings with all their samples
         self._cache: dict[Any, Any] = {}
         self.set_noise(sigma_MPa, correlation_s)
 

@@ -75,7 +75,7 @@ def bouc_wen(increment, radius, sharpness, carried, out):
         z = carried[s]
         for i in range(n):
             dx = increment[i, j] / r
-            parts = int(min(max(np.ceil(abs(dx) * 4.0 * power), 1.0), 200.0))
+            parts = int(min(max(np.ceil(abs(dx) * 2.0 * power), 1.0), 60.0))
             d = dx / parts
             for _ in range(parts):  # midpoint rule
                 a = d * (1.0 - (abs(z) ** power if z * d > 0 else 0.0))
@@ -102,7 +102,7 @@ def flow(step, increment, time, threshold, exponent, carried, out):
         g = carried[s] / e0
         for i in range(n):
             dx = increment[i, j] / e0
-            parts = int(min(max(np.ceil(abs(dx) * 4.0), 1.0), 400.0))
+            parts = int(min(max(np.ceil(abs(dx) * 1.5), 1.0), 24.0))
             h = step[i] / parts / tau
             d = dx / parts
             for _ in range(parts):

@@ -48,7 +48,9 @@ class Inertia(Effect):
             rate = np.diff(e, axis=0) / step
             gap = (step[1:] + step[:-1]) / 2
             acceleration[1:-1] = np.diff(rate, axis=0) / gap
-        return replace(signal, stress=signal.stress + p["mass"] * acceleration), None
+            if state is None:  # it was at rest before the first sample
+                acceleration[0] = rate[0] / step[0]
+        return replace(signal, stress=signal.stress + p["mass"] * acceleration), True
 
     def starts(self, scales):
         # A tenth of the peak stress at a sine of 8 samples a quarter period.

@@ -76,8 +76,16 @@ class NonlinearViscosity(Effect):
                 "time_s": float(np.clip(time * middle, 1e-3, 1e9)),
                 "threshold": float(np.clip(share * scales.strain, 1e-5, 10)),
             }
-            for share in (0.05, 0.015, 0.15)
-            for time in (1.0, 10.0, 0.1, 100.0)
+            for share, time in (
+                (0.05, 1.0),
+                (0.05, 10.0),
+                (0.05, 0.1),
+                (0.05, 100.0),
+                (0.015, 10.0),
+                (0.015, 100.0),
+                (0.15, 0.3),
+                (0.15, 3.0),
+            )  # fmt: skip
         ]
 
     def telltale(self):

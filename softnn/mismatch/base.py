@@ -20,6 +20,7 @@ from softnn.models.units import Units, build
 from softnn.noise import Noise, estimate
 
 STAND_IN = "pl-wiechert"
+MISFIT_RULES = 25.0  # mean square misfit over that of the noise
 
 
 @dataclass
@@ -53,23 +54,38 @@ def nuisance(data: Data, groups: Sequence[tuple[int, ...]]) -> tuple[Piece, ...]
 
 
 def weigh(engine: Engine, found: Fit) -> list[Noise]:
-    """Estimate the noise from what a fit leaves, and weigh by it from now on."""
-    data = engine.data
+    """Estimate the noise from what a fit leaves, and weigh by it from now on.
+
+    It is read off all samples, where the search itself may use fewer: between samples
+    taken far apart the specimen moves, and noise cannot be told from that.
+    """
+    fine = engine.fine or engine
+    stress = found.stress if fine is engine else fine.run(found.guess, False)[0]
+    data = fine.data
     noise = estimate(
-        engine.by_recording(engine.target - found.stress),
+        fine.by_recording(fine.target - stress),
         data.stress_MPa,
         [c.time_s for c in data.chunks],
     )
-    engine.set_noise(
-        [n.sigma(s) for n, s in zip(noise, data.stress_MPa, strict=True)],
-        [n.correlation_s for n in noise],
-    )
+    sigma = [n.sigma(s) for n, s in zip(noise, engine.data.stress_MPa, strict=True)]
+    # A misfit far above the noise is what has to be explained: whitened by the noise it
+    # would be all corners and no body.
+    miss = float(np.mean((engine.target - found.stress) ** 2))
+    level = float(np.mean(np.concatenate(sigma)[engine.valid] ** 2))
+    body = miss > MISFIT_RULES * level
+    engine.set_noise(sigma, None if body else [n.correlation_s for n in noise])
     return noise
 
 
-def baseline(data: Data, name: str, groups: Sequence[tuple[int, ...]] = ()) -> Baseline:
-    """The base `name` refitted to the data, its noise estimated."""
+def baseline(
+    data: Data,
+    name: str,
+    groups: Sequence[tuple[int, ...]] = (),
+    fine: Data | None = None,
+) -> Baseline:
+    """The base `name` refitted to the data, its noise estimated (on `fine`, if given)."""
     engine = Engine(data)
+    engine.fine = None if fine is None else Engine(fine)
     units = units_for(name, data)
     pieces = nuisance(data, groups)
     found = fit(engine, Guess(units, np.zeros(units.columns), pieces))
@@ -81,16 +97,19 @@ def baseline(data: Data, name: str, groups: Sequence[tuple[int, ...]] = ()) -> B
 
 
 def given(
-    data: Data, simulated: Sequence[Array], groups: Sequence[tuple[int, ...]] = ()
+    data: Data,
+    simulated: Sequence[Array],
+    groups: Sequence[tuple[int, ...]] = (),
+    fine: Data | None = None,
 ) -> Baseline:
     """A simulation from elsewhere as the base: kept as it is, with a stand-in."""
     # The stand-in sees the simulation without noise, at the samples of the recording.
     copy = replace(data, stress_MPa=tuple(simulated), simulated_MPa=None)
     units = units_for(STAND_IN, data)
     inner = fit(Engine(copy), Guess(units, np.zeros(units.columns)))
-    by = np.split(inner.stress, data.starts[1:-1])
-    remainder = [s - m for s, m in zip(simulated, by, strict=True)]
-    engine = Engine(data, remainder=remainder)
+    engine = beyond(data, simulated, inner.guess)
+    if fine is not None and fine.simulated_MPa is not None:
+        engine.fine = beyond(fine, fine.simulated_MPa, inner.guess)
     guess = Guess(units, inner.guess.stiffness, nuisance(data, groups))
     found = fit(engine, guess, fixed_base=True)
     noise: list[Noise] = []
@@ -98,3 +117,12 @@ def given(
         noise = weigh(engine, found)
         found = fit(engine, found.guess, fixed_base=True)
     return Baseline(engine, found, noise, "simulated", True)
+
+
+def beyond(data: Data, simulated: Sequence[Array], stand_in: Guess) -> Engine:
+    """An engine that adds what a simulation has beyond its stand-in."""
+    plain = Engine(data)
+    plain.valid = np.ones_like(plain.valid)  # stress is wanted where none was measured
+    stress, _ = plain.run(replace(stand_in, pieces=()), False)
+    by = np.split(stress, data.starts[1:-1])
+    return Engine(data, remainder=[s - m for s, m in zip(simulated, by, strict=True)])

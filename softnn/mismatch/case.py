@@ -223,6 +223,37 @@ def mask_gaps(case: Case) -> Case:
     return replace(case, recordings=tuple(out))
 
 
+def mask_failure(case: Case) -> Case:
+    """The case without stress after a specimen has broken.
+
+    Broken: while the strain goes on growing the stress falls, within a tenth of the way
+    it came, to less than a third of its peak.
+    """
+    out = []
+    for recording in case.recordings:
+        stress = np.array(recording.stress_MPa)
+        good = np.isfinite(stress) & np.isfinite(recording.strain)
+        index = np.flatnonzero(good)
+        size = np.abs(stress[index])
+        strain = np.abs(recording.strain[index])
+        if len(index) < 20:
+            out.append(recording)
+            continue
+        top = int(np.argmax(size))
+        after = np.flatnonzero(size[top:] < 0.33 * size[top])
+        if len(after):
+            fall = top + int(after[0])
+            onward = strain[fall] >= strain[top] - 1e-3 * strain.max()
+            soon = strain[fall] - strain[top] < 0.1 * strain.max()
+            if onward and soon and strain[top] > 0.5 * strain.max():
+                # The last samples before the peak already tear.
+                first = index[max(int(0.995 * top), 0)]
+                stress[first:] = np.nan
+                recording = recording.with_step("mask_failure", stress_MPa=stress)
+        out.append(recording)
+    return replace(case, recordings=tuple(out))
+
+
 def thin(case: Case, most: int) -> Case:
     """The case with at most about `most` samples a recording, reversals kept.
 

@@ -13,8 +13,15 @@ from softnn.contracts import Array, Effect, InputError
 from softnn.effects import effect
 from softnn.fit import Engine, Fit, fit
 from softnn.mismatch import locate, verify
-from softnn.mismatch.base import Baseline, baseline, given
-from softnn.mismatch.case import Case, check_model, mask_gaps, thin, to_data
+from softnn.mismatch.base import Baseline, baseline, beyond, given
+from softnn.mismatch.case import (
+    Case,
+    check_model,
+    mask_failure,
+    mask_gaps,
+    thin,
+    to_data,
+)
 from softnn.mismatch.explain import Explanation, Rival, explain, score
 from softnn.mismatch.learn import Learned, learn
 from softnn.mismatch.model_file import Stored, to_dict
@@ -22,7 +29,7 @@ from softnn.noise import Noise
 
 VERSION = 1
 SEARCH = 1000  # samples a recording while searching
-REPORT = 4000  # samples a recording for regions, figures and errors
+REPORT = 6000  # samples a recording for regions, figures and errors
 EXPLAINED, PARTLY = 0.12, 0.5  # share of the excess left, at most
 COLOURED = 0.15  # of excess, times the correlation: as well as coloured noise is known
 FEWEST = 30  # samples in all, below which nothing is told apart
@@ -63,9 +70,9 @@ def diagnose(case: Case, model: str | Stored | None = None, seed: int = 0) -> Di
         chosen = None
     elif chosen is not None:
         check_model(chosen)
-    masked = mask_gaps(case)
+    masked = mask_failure(mask_gaps(case))
     short = thin(masked, SEARCH)
-    base = _base(short, chosen)
+    base = _base(short, thin(masked, REPORT), chosen)
     found = explain(base, rng)
     full = _at_full(thin(masked, REPORT), base, found)
     verdict, names = _verdict(base, found)
@@ -98,13 +105,13 @@ def diagnose(case: Case, model: str | Stored | None = None, seed: int = 0) -> Di
     )
 
 
-def _base(case: Case, model: str | None) -> Baseline:
-    data = to_data(case)
+def _base(case: Case, finer: Case, model: str | None) -> Baseline:
+    data, fine = to_data(case), to_data(finer)
     if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
     if data.simulated_MPa is not None and model is None:
-        return given(data, data.simulated_MPa, case.groups())
-    return baseline(data, model or DEFAULT, case.groups())
+        return given(data, data.simulated_MPa, case.groups(), fine)
+    return baseline(data, model or DEFAULT, case.groups(), fine)
 
 
 def _simulated_by(case: Case, stored: Stored) -> Case:
@@ -128,18 +135,9 @@ class _Full:
 
 def _at_full(case: Case, base: Baseline, found: Explanation) -> _Full:
     data = to_data(case)
-    remainder = None
+    engine = Engine(data)
     if base.fixed and data.simulated_MPa is not None:
-        plain = Engine(data)
-        bare = replace(base.fit.guess, pieces=())
-        stand_in, _ = _all(plain, bare)
-        remainder = [
-            s - m
-            for s, m in zip(
-                data.simulated_MPa, np.split(stand_in, data.starts[1:-1]), strict=True
-            )
-        ]
-    engine = Engine(data, remainder=remainder)
+        engine = beyond(data, data.simulated_MPa, base.fit.guess)
     engine.set_noise(
         [n.sigma(s) for n, s in zip(found.noise, data.stress_MPa, strict=True)],
         [n.correlation_s for n in found.noise],
@@ -147,16 +145,6 @@ def _at_full(case: Case, base: Baseline, found: Explanation) -> _Full:
     before = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=2)
     after = fit(engine, found.final.guess, fixed_base=base.fixed, iterations=3)
     return _Full(engine, before, after)
-
-
-def _all(engine: Engine, guess: Any) -> tuple[Array, None]:
-    """Stress of every sample, those without a measured stress too."""
-    valid = engine.valid
-    engine.valid = np.ones_like(valid)
-    try:
-        return engine.run(guess, False)[0], None
-    finally:
-        engine.valid = valid
 
 
 def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
@@ -361,11 +349,13 @@ def _probability(found: Explanation, rivals: Sequence[Rival], name: str) -> floa
         return 0.0
     weight = np.exp(-(scores - scores.min()) / 10)
     weight /= weight.sum()
-    own = next((i for i, r in enumerate(rivals) if r.effect == name), 0)
+    own = next((i for i, r in enumerate(rivals) if r.effect == name), None)
     # With much left unexplained a good fit names the nearest effect, not the right one:
     # on development cases it was right in two out of five.
     trust = 1.0 if clear(found) else 0.4
-    return round(float(weight[own] * trust), 4)
+    # An effect that came in by exchange had its rivals all tried against it.
+    chance = 1.0 if own is None or rivals[0].effect != name else float(weight[own])
+    return round(chance * trust, 4)
 
 
 def _candidates(base: Baseline, found: Explanation) -> list[dict[str, Any]]:

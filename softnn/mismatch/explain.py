@@ -442,13 +442,19 @@ def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
         found, limit = rivals(engine, current, pool, rng)
         if not steps:
             first, threshold = found, limit
-        if not found or not enough(engine, current, found[0].fit, steps, limit):
+        elif len(steps) == 1 and not mostly(base.fit, current):
+            found = beam(engine, base.fit, first, found, pool, rng)
+        if not found or not enough(
+            engine, base.fit, current, found[0].fit, steps, limit
+        ):
             break
         gain = score(current) - score(found[0].fit)
         steps.append(Step(found, gain, found[0].fit))
         current = found[0].fit
-        if len(steps) > 1:
+        if len(steps) == 2:
             current = swap(engine, base.fit, steps)
+        elif len(steps) == 3:
+            current = exchange(engine, current, pool, rng)
         # Better explained is better weighed: the noise is read off what is left.
         noise = weigh(engine, current)
         current = fit(engine, current.guess, fixed_base=base.fixed, iterations=4)
@@ -469,7 +475,12 @@ def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
 
 
 def enough(
-    engine: Engine, before: Fit, after: Fit, steps: list[Step], threshold: float
+    engine: Engine,
+    base: Fit,
+    before: Fit,
+    after: Fit,
+    steps: list[Step],
+    threshold: float,
 ) -> bool:
     """Whether an effect says enough to be named.
 
@@ -485,16 +496,24 @@ def enough(
         return True
     if sponge(engine, after, steps):
         return False
-    n = len(before.residual)
-    left, then = before.chi2 / n - 1, after.chi2 / n - 1
-    much = gain > max(80.0, LATER_SHARE * steps[0].gain) and then < LATER_LEFT * left
-    # A small one must then leave next to nothing of what was left.
-    clean = gain > 200.0 and max(then, 0.0) < CLEAN * left
+    # All gains by the weights of now: they change with what is left.
+    so_far = (score(base) - score(before)) / len(steps)
+    much, clean = adds(before, after, so_far)
     if len(steps) == 1:
         return much or clean
     # By the third, two forms have had their say; it must be as large as they were.
-    large = gain > 0.5 * min(step.gain for step in steps)
+    large = gain > 0.5 * so_far
     return much and clean and large
+
+
+def adds(before: Fit, after: Fit, first: float) -> tuple[bool, bool]:
+    """Whether a later effect gains much beside the first, and whether it cleans up."""
+    n = len(before.residual)
+    gain = score(before) - score(after)
+    left, then = before.chi2 / n - 1, after.chi2 / n - 1
+    much = gain > max(80.0, LATER_SHARE * first) and then < LATER_LEFT * left
+    # A small one must then leave next to nothing of what was left.
+    return much, gain > 200.0 and max(then, 0.0) < CLEAN * left
 
 
 def sponge(engine: Engine, found: Fit, steps: list[Step]) -> bool:
@@ -512,7 +531,7 @@ def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
     """The last pair, or a rival of the earlier effect with the later one, if better."""
     best = steps[-1].fit
     later = steps[-1].rivals[0].effect
-    own = next(p for p in best.guess.pieces if p.effect.id == later)
+    own = next(p for p in best.guess.pieces if p.effect.id == later and not p.nuisance)
     earlier = steps[-2]
     for rival in earlier.rivals[1:4]:
         if rival.effect == later or rival.fit.chi2 > base.chi2:
@@ -522,6 +541,52 @@ def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
         price = 0.01 * steps[-1].gain if trial.parameters < best.parameters else -6.0
         if score(trial) < score(best) + price:
             best = trial
+    return best
+
+
+def mostly(base: Fit, found: Fit) -> bool:
+    """Whether next to nothing is left of what the base missed."""
+    n = len(base.residual)
+    return found.chi2 / n - 1 < 0.1 * (base.chi2 / n - 1)
+
+
+def beam(
+    engine: Engine,
+    base: Fit,
+    first: list[Rival],
+    found: list[Rival],
+    pool: Sequence[Effect],
+    rng: np.random.Generator,
+) -> list[Rival]:
+    """Later effects on top of the next best first ones, where those lead further.
+
+    Two effects together can look like a third, which then comes first alone.
+    """
+    best = found
+    top = score(base) - score(first[0].fit)
+    for rival in first[1:3]:
+        if score(base) - score(rival.fit) < 0.3 * top:
+            break
+        other, _ = rivals(engine, rival.fit, pool, rng, most=5)
+        if other and (not best or score(other[0].fit) < score(best[0].fit) - 20):
+            best = other
+    return best
+
+
+def exchange(
+    engine: Engine, found: Fit, pool: Sequence[Effect], rng: np.random.Generator
+) -> Fit:
+    """Three effects with each in turn given up for what would then come instead."""
+    best = found
+    for name in [p.effect.id for p in found.guess.pieces if not p.nuisance]:
+        kept = tuple(p for p in best.guess.pieces if p.effect.id != name or p.nuisance)
+        if len(kept) == len(best.guess.pieces):
+            continue
+        guess = Guess(best.guess.units, best.guess.stiffness, kept)
+        rest = fit(engine, guess, fixed_base=best.fixed_base, iterations=6)
+        other, _ = rivals(engine, rest, pool, rng, most=4)
+        if other and score(other[0].fit) < score(best) - 20:
+            best = other[0].fit
     return best
 
 
@@ -538,7 +603,6 @@ def backward(engine: Engine, base: Fit, found: Fit) -> Fit:
             fixed_base=found.fixed_base,
             iterations=8,
         )
-        gain = score(without) - score(found)
-        if gain < max(80.0, 0.02 * (score(base) - score(found))):
+        if not any(adds(without, found, score(base) - score(without))):
             return backward(engine, base, without)
     return found
