@@ -208,7 +208,7 @@ def text_of_choice(best: Finished) -> str:
     """The choice and its reason, in a line."""
     count, r2 = best.parameters["neurons"], best.result["r2_mean"]
     why = "fewest with R2 above 99.9 %" if r2 > ENOUGH else "largest R2"
-    return f"{count} neurons ({why}: {percent(r2)})"
+    return f"{count} neurons ({why}: {percent(r2, 3)})"
 
 
 def piecewise(data: Data) -> dict[str, Any]:
