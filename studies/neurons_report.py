@@ -34,6 +34,7 @@ NOTE_ON_THESIS = (
     "folds shows nothing."
 )
 HEADER = ("judged on", "model", "NRMSE", "R2", "size")
+WIDE = 15  # folds as far apart as this (ratio) are drawn on a log scale
 OVER_RATES = "mean over rates"
 CHOSEN, FEW = "network", "network, fewest needed"
 WAYS = {"as_in_thesis": "", "joint": ", fitted jointly"}
@@ -236,23 +237,26 @@ def _panel(
     reference: tuple[int, float] | None,
 ) -> None:
     count = [t.parameters["neurons"] for t in grid]
-    line = 100 * np.array([t.result[mean] for t in grid])
     folds = 100 * np.array([t.result[key] for t in grid])
+    missing = 100 - folds if key == "r2" else folds  # what is small when all is well
+    wide = missing.max() > WIDE * missing.min() > 0
+    shown = _missing if wide and key == "r2" else np.asarray
+    low, high = shown(folds).min(axis=1), shown(folds).max(axis=1)
     axes.fill_between(
         count,
-        folds.min(axis=1),
-        folds.max(axis=1),
+        low,
+        high,
         color=COLOURS[0],
         alpha=0.18,
         linewidth=0,
         label="least and largest of the folds",
     )
+    line = shown(100 * np.array([t.result[mean] for t in grid]))
     axes.plot(count, line, "o-", color=COLOURS[0], markersize=3.5, label="mean")
     chosen = best.parameters["neurons"]
-    value = 100 * best.result[mean]
     axes.plot(
         chosen,
-        value,
+        shown(100 * np.array(best.result[mean])),
         "o",
         markersize=11,
         markerfacecolor="none",
@@ -262,13 +266,26 @@ def _panel(
     )
     if reference:
         axes.plot(
-            *reference,
+            reference[0],
+            shown(np.array(reference[1])),
             "D",
             color=FAINT,
             markersize=5,
             label="thesis (other recordings)",
         )
+    if wide:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        if key == "r2":
+            axes.yaxis.set_major_formatter(lambda y, _: f"{100 - y:g}")
+            axes.invert_yaxis()
+        axes.minorticks_off()
     axes.set_xlabel("neurons in the hidden layer")
     axes.set_xlim(min(count) - 0.6, max(count) + 0.6)
     axes.locator_params(axis="x", integer=True)
     axes.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
+
+
+def _missing(r2: np.ndarray) -> np.ndarray:
+    """What R2 lacks of 100 %: on a log scale, 99.9 is as far from 99 as 99 from 90."""
+    return 100 - r2

@@ -30,13 +30,12 @@ def judged() -> None:
     panels = figure.subplots(1, len(PANELS), sharey=True)
     for axes, (name, title) in zip(panels, PANELS.items(), strict=True):
         (one,) = json.loads((RESULTS / f"{name}.json").read_text())["materials"]
-        for model, (colour, mark) in MARKS.items():
-            for height, error in _errors(one, model).items():
-                axes.plot(
-                    100 * error, height, mark, color=colour, markersize=7, alpha=0.85
-                )
+        for i, (model, (colour, mark)) in enumerate(MARKS.items()):
+            for row, error in _errors(one, model).items():
+                height = row + 0.14 * (i - (len(MARKS) - 1) / 2)  # none hides another
+                axes.plot(100 * error, height, mark, color=colour, markersize=5.5)
         axes.set_xscale("log")
-        axes.set_xlim(1, 300)
+        axes.set_xlim(1, 500)
         axes.set_xticks([1, 10, 100], ["1", "10", "100"])
         axes.set_title(title)
         axes.set_xlabel("NRMSE [%]")
