@@ -48,10 +48,8 @@ def bounded(gram, right, low, high, start):
                 break
             for a in range(len(index)):
                 i = index[a]
-                if (
-                    x[i] <= low[i] + 1e-14 * (1 + abs(low[i]))
-                    or i == hit
-                    and z[a] < low[i]
+                if x[i] <= low[i] + 1e-14 * (1 + abs(low[i])) or (
+                    i == hit and z[a] < low[i]
                 ):
                     x[i] = low[i]
                     free[i] = False

@@ -1,4 +1,4 @@
-r"""Separable least squares: base stiffnesses exactly, the few other parameters by search.
+r"""Separable least squares: stiffnesses exactly, the few other parameters by search.
 
 For fixed parameters of the effects the stress is linear, or nearly so, in the
 non-negative stiffnesses of the base. Each step solves one bounded least-squares problem
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from softnn.bounded import bounded
-from softnn.contracts import Array, Chunk, Effect, InputError, Scales, Signal
+from softnn.contracts import Array, Chunk, Effect, Scales, Signal
 from softnn.models.units import Units
 from softnn.simulate import Memory, Term, measured, reach, run_on
 
@@ -40,7 +40,7 @@ class Data:
         return np.concatenate([[0], np.cumsum([len(s) for s in self.stress_MPa])])
 
     def scales(self) -> Scales:
-        """Sizes from which searches start; high quantiles, so that spikes do not rule."""
+        """Sizes from which searches start; quantiles, so that spikes do not rule."""
         strain = np.concatenate([np.abs(c.strain) for c in self.chunks])
         stress = np.abs(np.concatenate(self.stress_MPa))
         steps = np.concatenate([np.diff(c.time_s) for c in self.chunks])
@@ -117,8 +117,8 @@ def slots(guess: Guess) -> list[Slot]:
                 continue
             own = p.name in piece.effect.per_recording
             for group in piece.groups if own else [None]:
-                value = np.asarray(piece.values[p.name])
-                value = float(value[group[0]]) if group is not None else float(value)
+                held = np.asarray(piece.values[p.name])
+                value = float(held[group[0]]) if group is not None else float(held)
                 typical = abs(value) or abs(p.default) or 1.0
                 out.append(
                     Slot(i, p.name, group, p.scale == "log", p.low, p.high, typical)
@@ -183,6 +183,7 @@ class Engine:
         self.target = self.measured[self.valid]
         self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
         self.fine: Engine | None = None  # the same recordings with all their samples
+        self.body = False  # weigh all samples alike, as if the noise were white
         self._cache: dict[Any, Any] = {}
         self.set_noise(sigma_MPa, correlation_s)
 
@@ -218,7 +219,7 @@ class Engine:
         return out
 
     def columns(self, units: Units, r: int, chunk: Chunk, state: Any) -> Any:
-        """Unit columns of recording r; remembered when the strain is the commanded one."""
+        """Unit columns of recording r; kept when the strain is the commanded one."""
         plain = chunk.strain is self.chunks[r].strain or chunk.branch_strain is None
         key = (units, r)
         if plain and key in self._cache:
@@ -409,15 +410,14 @@ def fit(
     iterations: int = 12,
     tolerance: float = 1e-4,
 ) -> Fit:
-    """The best point near `guess`. `tolerance` is the relative change of chi2 to stop at."""
+    """The best point near `guess`; `tolerance` is of chi2, relative, to stop at."""
     guess, stress, a, residual, chi2 = solve_base(engine, guess, fixed_base)
     where = slots(guess)
     damping, count = 1e-3, 0
     jacobian = np.zeros((len(stress), 0))
     fresh = False
-    for count in range(1, iterations + 1):
-        if not where:
-            break
+    while where and count < iterations:
+        count += 1
         exact, _ = engine.run(guess, False)
         jacobian = engine.whiten(derivative(engine, guess, where, exact))
         fresh = True

@@ -24,7 +24,7 @@ CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19), [0.975]])
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of one recording, MPa: sigma^2 = floor^2 + (share x stress)^2 + step^2 / 12.
+    """Noise of one recording: sigma^2 = floor^2 + (share x stress)^2 + step^2 / 12.
 
     `correlation` is that of neighbouring samples, `correlation_s` the time in which it
     falls to 1/e; 0 is white.
@@ -136,7 +136,7 @@ def estimate(
         variance[nearest, np.arange(len(whose))], size, typical
     )
     out = []
-    for r, (time, step) in enumerate(zip(times, steps, strict=True)):
+    for r, step in enumerate(steps):
         own = kept & (whose == r)
         phi = float(np.exp(-interval[r] / max(seconds, 1e-12)))
         count = int(own.sum())

@@ -194,8 +194,8 @@ def _page(result: dict[str, Any], pictures: list[tuple[str, str]]) -> str:
     )
     advice = result["next_recording"]
     more = (
-        f"<h2>Record next</h2><p>{html.escape(advice['strain_programme'])}: it separates "
-        f"{html.escape(' from '.join(advice['separates']))}.</p>"
+        f"<h2>Record next</h2><p>{html.escape(advice['strain_programme'])}: "
+        f"it separates {html.escape(' from '.join(advice['separates']))}.</p>"
         if advice
         else ""
     )

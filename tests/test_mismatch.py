@@ -370,8 +370,8 @@ def test_model_file_reads_back_as_it_was(diagnosed):
     stored = read_model(out / "model.json")
     assert stored.pieces[0].effect.id == "mullins_softening"
     data = json.loads((out / "model.json").read_text())
+    data["effects"][0]["effect"] = "x"
     with pytest.raises(InputError, match="no effect 'x'"):
-        data["effects"][0]["effect"] = "x"
         from_dict(data)
     with pytest.raises(InputError, match="kind"):
         from_dict({})

@@ -80,6 +80,6 @@ class TravelSoftening(CyclicSoftening):
         low = np.minimum.accumulate(np.minimum(signal.strain, low))
         high = np.maximum.accumulate(np.maximum(signal.strain, high))
         number = travel / np.maximum(2 * (high - low), 1e-12)
-        # The first rise is no cycle yet: half a range of travel is where any test starts.
+        # The first rise is no cycle yet: any test starts with half a range of travel.
         number = np.maximum(number - 0.5, 0.0)
         return number, (signal.strain[-1:], travel[-1:], low[-1:], high[-1:])

@@ -81,6 +81,6 @@ class GripSlip(Effect):
 
 
 class RegrippedSlip(GripSlip):
-    """The same where the specimen is gripped anew, or strain zeroed, between recordings."""
+    """The same where the specimen is gripped anew between recordings."""
 
     lasting = False

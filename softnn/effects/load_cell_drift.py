@@ -24,7 +24,9 @@ class LoadCellDrift(Effect):
 
     stage = "sensor"
     ports = ("stress",)
-    parameters = (Parameter("drift_MPa_per_s", "MPa/s", -1.0, 1.0, 1e-4, meaning="a"),)
+    parameters: tuple[Parameter, ...] = (
+        Parameter("drift_MPa_per_s", "MPa/s", -1.0, 1.0, 1e-4, meaning="a"),
+    )
     off = {"drift_MPa_per_s": 0.0}
     amplitude = "drift_MPa_per_s"
     where = "late in long recordings, loaded or not"

@@ -43,7 +43,7 @@ class MullinsSoftening(Effect):
     shape = ("sharpness", "viscous_share")
     where = "on reloading and unloading below the largest strain so far"
     twins = {
-        "permanent_set": "reloading to near zero strain: softening vanishes, a set stays",
+        "permanent_set": "reloading to near zero strain, where a set stays",
         "cyclic_softening": "many cycles at one amplitude",
         "friction_hysteresis": "small cycles inside a large one",
         "nonlinear_viscosity": "a second cycle after a pause",

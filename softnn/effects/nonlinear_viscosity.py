@@ -27,7 +27,7 @@ class NonlinearViscosity(Effect):
 
     stage = "material"
     ports = ("branches",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E"),
         Parameter("time_s", "s", 1e-3, 1e9, 100.0, "log", "tau"),
         Parameter(
@@ -85,7 +85,7 @@ class NonlinearViscosity(Effect):
                 (0.015, 100.0),
                 (0.15, 0.3),
                 (0.15, 3.0),
-            )  # fmt: skip
+            )
         ]
 
     def telltale(self):

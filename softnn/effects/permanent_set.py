@@ -18,8 +18,9 @@ class PermanentSet(Effect):
               + a \left(\max_{s \le t} \varepsilon^-(s) - y\right)_+^p
 
     a is the ratio of set to largest strain (at strain 1), p its exponent, yield y the
-    strain from which on it grows. With `on_return` r above 0 the set shows as the specimen
-    comes back, in full at zero: the share that shows is 1 - (strain / largest)^(1/r). On first
+    strain from which on it grows. With `on_return` r above 0 the set
+    shows as the specimen comes back, in full at zero: the share that shows is
+    1 - (strain / largest)^(1/r). On first
     loading the set is part of the curve and cannot be seen; on reloading the curve is
     shifted. `buckling` b scales what is left of negative elastic strain, 1 - b: a strip
     with a set hangs slack. Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.

@@ -29,13 +29,13 @@ class SensorLag(Effect):
 
     stage = "sensor"
     ports = ("stress",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("time_constant_s", "s", 0.0, LONGEST_S, 0.2, meaning="tau_1"),
         Parameter("second", "-", 0.0, 1.0, 0.0, meaning="tau_2 over tau_1"),
     )
     off = {"time_constant_s": 0.0}
     amplitude = "time_constant_s"
-    shape = ("second",)
+    shape: tuple[str, ...] = ("second",)
     where = "after every change of rate, growing with rate"
     twins = {
         "relaxation_branch": "a sine at two frequencies",

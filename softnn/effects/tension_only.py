@@ -15,8 +15,8 @@ class TensionOnly(Effect):
 
     .. math:: \sigma \to (1 - \kappa)\,\sigma \quad \text{where} \quad \sigma < 0
 
-    amount kappa from 0 (a block) to 1 (a slender strip, which buckles at once; Timoshenko
-    and Gere, *Theory of Elastic Stability*, ch. 2).
+    amount kappa from 0 (a block) to 1 (a slender strip, which buckles at once;
+    Timoshenko and Gere, *Theory of Elastic Stability*, ch. 2).
 
     In a recording: stress stops at zero on unloading and stays there until the
     specimen is taut again. Mistaken for slack, for a set and for a clipped channel.

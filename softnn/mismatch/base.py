@@ -20,7 +20,6 @@ from softnn.models.units import Units, build
 from softnn.noise import Noise, estimate
 
 STAND_IN = "pl-wiechert"
-MISFIT_RULES = 25.0  # mean square misfit over that of the noise
 
 
 @dataclass
@@ -68,12 +67,9 @@ def weigh(engine: Engine, found: Fit) -> list[Noise]:
         [c.time_s for c in data.chunks],
     )
     sigma = [n.sigma(s) for n, s in zip(noise, engine.data.stress_MPa, strict=True)]
-    # A misfit far above the noise is what has to be explained: whitened by the noise it
-    # would be all corners and no body.
-    miss = float(np.mean((engine.target - found.stress) ** 2))
-    level = float(np.mean(np.concatenate(sigma)[engine.valid] ** 2))
-    body = miss > MISFIT_RULES * level
-    engine.set_noise(sigma, None if body else [n.correlation_s for n in noise])
+    # Whitened by the noise, a misfit far above it would be all corners and no body.
+    colour = None if engine.body else [n.correlation_s for n in noise]
+    engine.set_noise(sigma, colour)
     return noise
 
 
@@ -83,7 +79,7 @@ def baseline(
     groups: Sequence[tuple[int, ...]] = (),
     fine: Data | None = None,
 ) -> Baseline:
-    """The base `name` refitted to the data, its noise estimated (on `fine`, if given)."""
+    """The base `name` refitted to the data; its noise, from `fine` where given."""
     engine = Engine(data)
     engine.fine = None if fine is None else Engine(fine)
     units = units_for(name, data)

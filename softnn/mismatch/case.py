@@ -193,7 +193,7 @@ def to_data(case: Case) -> Data:
 def mask_gaps(case: Case) -> Case:
     """The case without stress after gaps in which the specimen was on the move.
 
-    What strain it saw in the gap nobody wrote down; the stress remembers it for a while.
+    What strain it saw in the gap nobody wrote down; the stress remembers a while.
     A gap in which the strain stood still costs nothing.
     """
     out = []

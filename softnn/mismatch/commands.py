@@ -116,7 +116,7 @@ def _each(jobs: Sequence[tuple], workers: int) -> Any:
 def diagnose_one(
     folder: str, out: str, model: str | None, seed: int
 ) -> tuple[str, bool]:
-    """Diagnose one case and write its files; the sentence to print, and whether well."""
+    """Diagnose one case, write its files; the sentence to print, and whether well."""
     from softnn.mismatch import diagnose as diagnose_case
     from softnn.mismatch import read_case
     from softnn.report import write_report

@@ -26,6 +26,7 @@ from softnn.mismatch.explain import Explanation, Rival, explain, score
 from softnn.mismatch.learn import Learned, learn
 from softnn.mismatch.model_file import Stored, to_dict
 from softnn.noise import Noise
+from softnn.recording import data_hash
 
 VERSION = 1
 SEARCH = 1000  # samples a recording while searching
@@ -59,8 +60,8 @@ def diagnose(case: Case, model: str | Stored | None = None, seed: int = 0) -> Di
     """Diagnose a case with the base `model`.
 
     None takes the model the case names, else its `simulated_MPa`, else pl-wiechert. A
-    stored model is taken as it is, not refitted. Raises `InputError` for recordings that
-    cannot be diagnosed.
+    stored model is taken as it is, not refitted. Raises `InputError` for recordings
+    that cannot be diagnosed.
     """
     clock = time.perf_counter()
     rng = np.random.default_rng(seed)
@@ -213,6 +214,7 @@ def _result(
     explanations = _explanations(case, found, full, names) if accepted else []
     result: dict[str, Any] = {
         "case": case.name,
+        "data_sha256": data_hash(case.recordings),
         "model": base.name,
         "version": VERSION,
         "verdict": verdict,
@@ -360,7 +362,7 @@ def _probability(found: Explanation, rivals: Sequence[Rival], name: str) -> floa
 
 def _candidates(base: Baseline, found: Explanation) -> list[dict[str, Any]]:
     errors, squares = verify.heldout(base.engine, base.fit)
-    out = [
+    out: list[dict[str, Any]] = [
         {
             "effect": None,
             "heldout_nrmse": verify.nrmse_of(errors, squares),
@@ -448,8 +450,11 @@ def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> st
     verb = "was" if len(names) == 1 else "were"
     where = effect(names[0]).where
     part = "" if verdict == "explained" else " Part of the mismatch stays unexplained."
+    them = "it" if len(names) == 1 else "them"
+    old = percent(fit_["before"]["heldout_nrmse"])
+    new = percent(fit_["after"]["heldout_nrmse"])
     return (
-        f"The {sign.replace('simulation', 'simulation is')} {where}: {spoken} {verb} left out. With {'it' if len(names) == 1 else 'them'} "
-        f"the error on recordings not used goes from {percent(fit_['before']['heldout_nrmse'])} "
-        f"to {percent(fit_['after']['heldout_nrmse'])} (noise {percent(fit_['noise_nrmse'])}).{part}"
+        f"The {sign.replace('simulation', 'simulation is')} {where}: {spoken} {verb} "
+        f"left out. With {them} the error on recordings not used goes from {old} to "
+        f"{new} (noise {percent(fit_['noise_nrmse'])}).{part}"
     )

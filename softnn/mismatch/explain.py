@@ -24,6 +24,7 @@ from softnn.noise import Noise
 
 ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
 MOST_EFFECTS = 3
+FAR = 8.0  # excess of misfit over noise, a sample, that no form here comes near
 LATER_SHARE = 0.25  # of the first effect's gain, below which a later one is its form
 CLEAN = 0.3  # the same for one whose gain is small beside that of the first
 LATER_LEFT = 0.65  # of what the earlier effects left, which a later one must get under
@@ -62,7 +63,7 @@ def candidates(engine: Engine, base: str, fixed: bool) -> list[Effect]:
 
 
 def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
-    """One piece for each start of an effect, core parameters free, all recordings on."""
+    """A piece for each start of an effect: core parameters free, all recordings on."""
     r = len(engine.chunks)
     out = []
     fixed = effect.defaults()
@@ -141,11 +142,13 @@ class Screen:
         basis = np.zeros((len(residual), 0))
         chosen: dict[int, tuple[int, float]] = {}
         total = 0.0
+        # A mistake in some recordings is one only beside others that are right.
+        limit = len(pieces[0].groups) - int(pieces[0].effect.some)
         for _ in range(len(pieces[0].groups)):
             best = (0.0, -1, -1, 0.0)
             for s, (piece, atom) in enumerate(zip(pieces, atoms, strict=True)):
                 left = atom - basis @ (basis.T @ atom)
-                # An atom mostly absorbed by what is in already tells nothing new.
+                # What is absorbed by what is in already tells nothing new.
                 share = (left**2).sum(axis=0) / np.maximum(
                     (atom**2).sum(axis=0), 1e-300
                 )
@@ -156,7 +159,7 @@ class Screen:
                     if gain > best[0]:
                         best = (gain, s, g, c)
             gain, s, g, c = best
-            if g < 0 or gain < threshold or len(chosen) >= len(pieces[0].groups) - 1:
+            if g < 0 or gain < threshold or len(chosen) >= limit:
                 break
             left = atoms[s][:, g] - basis @ (basis.T @ atoms[s][:, g])
             unit = left / np.linalg.norm(left)
@@ -400,7 +403,7 @@ def score(found: Fit) -> float:
 
 @dataclass
 class Step:
-    """One effect taken in: the fit with it, its rivals at that point, what it gained."""
+    """One effect taken in: its rivals then, what it gained, the fit with it."""
 
     rivals: list[Rival]
     gain: float  # of `score`
@@ -431,6 +434,22 @@ class Explanation:
 
 
 def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
+    """Effects that account for what the base misses; none, one or several.
+
+    Where the best account stays far above the noise, no form here is close, and the
+    noise is not what to weigh by: the search is done again with all samples alike.
+    """
+    found = search(base, rng)
+    engine = base.engine
+    if found.excess_after > FAR and not engine.body:
+        engine.body = True
+        base.noise = weigh(engine, found.final)
+        base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed)
+        found = search(base, rng)
+    return found
+
+
+def search(base: Baseline, rng: np.random.Generator) -> Explanation:
     """Forward from the base, one effect at a time, then swaps and backward."""
     engine, noise = base.engine, base.noise
     pool = candidates(engine, base.name, base.fixed)

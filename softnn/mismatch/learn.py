@@ -4,8 +4,8 @@ The residual of the best simulation is learned over state features (strain, larg
 strain so far, rate, time since the last reversal, travel so far, temperature, time) by
 the project's own Bayesian-regularised network, which takes no more freedom than the
 data give evidence for. Folds are whole recordings, so that what it claims it has
-predicted. Which features carry it is asked by shuffling one at a time. A period, in time
-or in strain, is the peak of a Lomb-Scargle periodogram (Scargle 1982,
+predicted. Which features carry it is asked by shuffling one at a time. A period, in
+time or in strain, is the peak of a Lomb-Scargle periodogram (Scargle 1982,
 doi:10.1086/160554), tested against the largest peak of shuffled whitened residuals.
 """
 
@@ -52,7 +52,7 @@ class Learned:
 
 
 def features(chunk: Chunk, names: tuple[str, ...] = FEATURES) -> Array:
-    """State features (n, features) of a recording; causal, the last reversal included."""
+    """State features (n, features) of a recording."""
     time, strain = chunk.time_s - chunk.time_s[0], chunk.strain
     step = np.maximum(np.diff(time, prepend=time[0]), 1e-9)
     step[0] = step[1] if len(step) > 1 else 1.0
@@ -85,7 +85,7 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
     """The correction, or None where it predicts nothing on recordings left out."""
     from softnn.neural import Regularisation, train
 
-    names = FEATURES
+    names: tuple[str, ...] = FEATURES
     warm = [c.temperature_C is not None for c in engine.chunks]
     if all(warm) and engine.data.scales().temperature_C > 0.5:
         names = FEATURES + ("temperature_C",)

@@ -2,17 +2,19 @@
 
 Two ways to a region. Where the physics is known, a region is where the effects move the
 stress by more than two noise sigmas. Where it is not, a scan: means of the whitened
-residual over windows of several lengths, the largest of which in noise alone (drawn, and
-the base refitted to each draw) sets the threshold for all of them together.
+residual over windows of several lengths, the largest of which in noise alone (drawn,
+and the base refitted to each draw) sets the threshold for all of them together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk
 from softnn.fit import Engine, Fit
@@ -33,7 +35,7 @@ BRANCHES = ("hold", "first loading", "reloading", "unloading")
 
 
 def phases(chunk: Chunk, band: float = 0.02) -> Phases:
-    """Branch and cycle of each sample; a way back of `band` of the range is a reversal."""
+    """Branch and cycle of each sample; `band` of the range back is a reversal."""
     strain, time = chunk.strain, chunk.time_s
     span = float(strain.max() - strain.min())
     n = len(strain)
@@ -41,7 +43,7 @@ def phases(chunk: Chunk, band: float = 0.02) -> Phases:
     direction = np.zeros(n)
     cycle = np.ones(n, int)
     count = 1
-    for i, (a, b) in enumerate(zip(turn[:-1], turn[1:], strict=True)):
+    for i, (a, b) in enumerate(pairwise(turn)):
         up = strain[b] > strain[a]
         direction[a:b] = 1 if up else -1
         if i > 0 and up:
@@ -94,9 +96,7 @@ def _turns(x: Array, band: float) -> Array:
 
 
 def action(engine: Engine, found: Fit) -> Array:
-    """Change of stress (valid,), MPa, that the pieces of a fit make, nuisances aside."""
-    from dataclasses import replace
-
+    """Change of stress (valid,), MPa, that the effects of a fit make."""
     bare = tuple(p for p in found.guess.pieces if p.nuisance)
     without, _ = engine.run(replace(found.guess, pieces=bare), False)
     return found.stress - without
@@ -104,7 +104,7 @@ def action(engine: Engine, found: Fit) -> Array:
 
 def scan(
     engine: Engine, found: Fit, rng: np.random.Generator, level: float = 0.95
-) -> tuple[Array, float, float]:
+) -> tuple[NDArray[np.bool], float, float]:
     """Samples (valid,) in windows that noise does not explain; statistic; threshold."""
     live = found.guess.stiffness > 0
     k = len(found.guess.stiffness)
@@ -138,14 +138,14 @@ def scan(
     return mask, top, threshold
 
 
-def _windows(owner: Array) -> list[Array]:
+def _windows(owner: NDArray[np.integer]) -> list[Array]:
     """Half-overlapping windows (count, 2) of each length, within recordings."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(owner)]])
     out = []
     for length in WINDOWS:
         rows = [
             (a, a + length)
-            for start, end in zip(edges[:-1], edges[1:], strict=True)
+            for start, end in pairwise(edges)
             for a in range(start, end - length + 1, max(length // 2, 1))
         ]
         if rows:
@@ -160,7 +160,7 @@ def _means(x: Array, windows: Array) -> Array:
 
 
 def regions(
-    engine: Engine, mask: Array, excess: Array, residual_MPa: Array
+    engine: Engine, mask: NDArray[np.bool], excess: Array, residual_MPa: Array
 ) -> list[dict[str, Any]]:
     """Regions of the mask (valid,), one a branch, as diagnosis.json tells them.
 
@@ -217,6 +217,4 @@ def runs(mask: Array, *labels: Array) -> Sequence[tuple[int, int]]:
     for label in labels:
         change |= (np.diff(label) != 0) & mask[1:] & mask[:-1]
     edges = np.concatenate([[0], np.flatnonzero(change) + 1, [len(mask)]])
-    return [
-        (int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True) if mask[a]
-    ]
+    return [(int(a), int(b)) for a, b in pairwise(edges) if mask[a]]

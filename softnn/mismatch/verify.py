@@ -1,18 +1,20 @@
 """Does the explanation hold on recordings it did not see?
 
-Each recording is left out in turn: stiffnesses and effects are those of the others. What
-belongs to the recording alone (its own gap, offset, scale) is taken from every other
-tenth of it, and the tenths between are predicted, then the other way round. The solution
-without a recording is one damped step of the joint normal equations, which keep one
-part a recording; its prediction is simulated, not linearised.
+Each recording is left out in turn: stiffnesses and effects are those of the others.
+What belongs to the recording alone (its own gap, offset, scale) is taken from every
+other tenth of it, and the tenths between are predicted, then the other way round. The
+solution without a recording is one damped step of the joint normal equations, which
+keep one part a recording; its prediction is simulated, not linearised.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Guess, Slot, _bounded, get, put
@@ -21,7 +23,7 @@ BLOCKS = 10
 DAMPING = 1e-4  # of each diagonal entry, for what the others cannot determine
 
 
-def parts(engine: Engine) -> Array:
+def parts(engine: Engine) -> NDArray[np.integer]:
     """Which part (valid,) each sample belongs to when one is left out at a time.
 
     Recordings; for a single recording, five stretches of it.
@@ -72,7 +74,7 @@ def heldout(engine: Engine, found: Fit) -> tuple[Array, Array]:
         alone = own[own >= 0]
         mask = part == g
         solution = _bounded(left, rest, low, high, start)
-        halves: list[tuple[Array, Array]] = []
+        halves: list[tuple[Any, Any]] = []
         if len(alone):
             index = np.flatnonzero(mask)
             block = np.arange(len(index)) * BLOCKS // max(len(index), 1)

@@ -7,7 +7,7 @@ import numba
 
 @numba.njit(cache=True)
 def maxwell(decay, gain, increment, carried, out):
-    """Unit stress of each branch: decay, gain, out (n, branches), carried (branches,)."""
+    """Unit stress of each branch: decay, gain and out are (n, branches)."""
     n, count = out.shape
     for j in range(count):
         out[0, j] = decay[0, j] * carried[j] + gain[0, j] * increment[0]

@@ -117,9 +117,9 @@ def build(
     low, high = min(strain_low, 0.0), max(strain_high, 0.0)
     if not high > low:
         raise InputError("the strain never leaves zero; there is nothing to simulate")
-    knots = (low, high)
+    knots: tuple[float, ...] = (low, high)
     if name.startswith("pl-"):
-        above = max(int(round(segments * high / (high - low))), 1) if high > 0 else 0
+        above = max(round(segments * high / (high - low)), 1) if high > 0 else 0
         below = max(segments - above, 1) if low < -0.05 * high else 0
         parts = [np.linspace(low, 0, below + 1)] if below else [np.zeros(1)]
         if above:
