@@ -10,15 +10,17 @@ channel with few distinct values is quantised, and its step adds step / sqrt(12)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.contracts import Array
 
 WINDOW = 48
 DEGREE = 3
+DISAGREE = 20.0  # of log-likelihood, beyond which recordings are not of one colour
 CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19), [0.975]])
 
 
@@ -125,10 +127,8 @@ def estimate(
     like, variance = _likelihood(np.concatenate(rows))
     size, whose = np.concatenate(level), np.concatenate(owner)
     typical = np.max(size) + 1e-300
-    best = int(np.argmax(_trimmed(like, variance)))
-    floor2, share2, kept = _level(variance[best], size, typical)
     interval = np.array([float(np.median(np.diff(t))) for t in times])
-    seconds = _pooled_time(like[:, kept], interval[whose[kept]])
+    seconds = _shared_time(like, variance, whose, interval)
     # The variance of each window at the correlation its own clock gives it.
     phi = np.exp(-interval[whose] / max(seconds, 1e-12))
     nearest = np.abs(CORRELATIONS[:, None] - phi).argmin(axis=0)
@@ -140,13 +140,7 @@ def estimate(
         own = kept & (whose == r)
         phi = float(np.exp(-interval[r] / max(seconds, 1e-12)))
         count = int(own.sum())
-        if count >= 8:
-            # Own colour, drawn to that of all: clocks differ, the amplifier does not.
-            away = np.arctanh(CORRELATIONS) - np.arctanh(phi)
-            own_like = like[:, own].sum(axis=1) - 0.5 * (away / 0.15) ** 2
-            phi = float(CORRELATIONS[np.argmax(own_like)])
         phi = phi if phi > 0.03 else 0.0
-        own_s = -interval[r] / np.log(phi) if phi > 0 else 0.0
         grain = step**2 / 12
         out.append(
             Noise(
@@ -154,34 +148,65 @@ def estimate(
                 float(np.sqrt(share2)),
                 step,
                 phi,
-                own_s,
+                seconds if phi > 0 else 0.0,
                 count,
             )
         )
     return out
 
 
-def _pooled_time(like: Array, interval: Array) -> float:
-    """Correlation time, s, of greatest likelihood for windows of different clocks."""
+def _pooled_time(
+    like: Array, interval: Array
+) -> tuple[float, Callable[[float], float]]:
+    """Correlation time, s, of greatest likelihood for windows of different clocks.
+
+    And the log-likelihood at any time.
+    """
     shortest, longest = 0.1 * interval.min(), 60 * interval.max()
     times = np.concatenate([[1e-12], np.geomspace(shortest, longest, 60)])
-    total = []
-    for tau in times:
+
+    def at(tau: float) -> float:
         phi = np.exp(-interval / tau)
         upper = np.clip(np.searchsorted(CORRELATIONS, phi), 1, len(CORRELATIONS) - 1)
         low, high = CORRELATIONS[upper - 1], CORRELATIONS[upper]
         w = np.clip((phi - low) / (high - low), 0, 1)
         column = np.arange(like.shape[1])
-        total.append(
+        return float(
             np.sum((1 - w) * like[upper - 1, column] + w * like[upper, column])
         )
-    return float(times[int(np.argmax(total))])
+
+    return float(max(times, key=at)), at
 
 
-def _trimmed(like: Array, variance: Array) -> Array:
-    smooth = variance[len(variance) // 2]
-    calm = smooth <= np.quantile(smooth, 0.6)
-    return like[:, calm].sum(axis=1)
+def _shared_time(
+    like: Array, variance: Array, whose: NDArray[np.integer], interval: Array
+) -> float:
+    """Correlation time, s, that the recordings share.
+
+    What a simulation misses only ever adds correlation. So where the recordings
+    disagree by more than chance, the half of them with the least of it knows best.
+    """
+    middle = variance[len(variance) // 2]
+    own: dict[int, tuple[float, NDArray[np.bool]]] = {}
+    everything = np.zeros(len(whose), bool)
+    for r in np.unique(whose):
+        mine = whose == r
+        calm = mine & (middle <= np.quantile(middle[mine], 0.7))
+        everything |= calm
+        if calm.sum() >= 4:
+            own[int(r)] = (_pooled_time(like[:, calm], interval[whose[calm]])[0], calm)
+    clock = interval[whose]
+    together, at = _pooled_time(like[:, everything], clock[everything])
+    if len(own) < 2:
+        return together
+    half = np.zeros(len(whose), bool)
+    for _, calm in sorted(own.values(), key=lambda pair: pair[0]):
+        half |= calm
+        if half.sum() >= 0.4 * everything.sum():
+            break
+    least, _ = _pooled_time(like[:, half], clock[half])
+    chance = at(together) - at(least)
+    return least if chance > DISAGREE and least < together else together
 
 
 def _level(variance: Array, size: Array, typical: float) -> tuple[float, float, Array]:

@@ -1,0 +1,48 @@
+"""Diagnosis of real recordings, where they are at hand; slow.
+
+What is asserted is what the recordings' own notes say can be seen in them.
+"""
+
+import os
+
+import pytest
+
+from softnn.mismatch import Case, diagnose
+from softnn.readers.tidy import read_set
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        "SOFTNN_DATA" not in os.environ, reason="SOFTNN_DATA: no real recordings"
+    ),
+]
+
+
+def result(name, part, own_specimens=False):
+    recordings = tuple(r for r in read_set(name) if part in r.name)
+    specimen = {r.name: r.specimen for r in recordings} if own_specimens else {}
+    return diagnose(Case(name, recordings, specimen=specimen)).result
+
+
+def test_acrylic_tape_is_viscous_at_finite_strain_and_buckles_but_does_not_soften():
+    found = result("vhb4910-zhao", "lu_")
+    assert "mullins_softening" not in found["selected"]
+    assert set(found["selected"]) & {"finite_strain", "nonlinear_viscosity"}
+    assert "tension_only" in found["selected"] or "slack" in found["selected"]
+    assert found["fit"]["after"]["heldout_nrmse"] < 0.035
+
+
+@pytest.mark.parametrize("group", ["leap_t", "new_heel"])
+def test_foam_softens_on_reloading(group):
+    found = result("foam-tpe-tension-cyclic", group, own_specimens=True)
+    assert "mullins_softening" in found["selected"]
+    assert found["fit"]["heldout_ratio"] < 0.3
+
+
+@pytest.mark.parametrize("machine", ["bluehill", "wavematrix"])
+def test_silicone_shows_the_inertia_of_the_grips_and_no_strong_softening(machine):
+    # SOURCE.md: force spikes at every reversal; softening of two per cent at most.
+    found = result("silicone30a-instron", machine)
+    assert "inertia" in found["selected"]
+    for told in found["explanations"]:
+        assert told["effect"] != "mullins_softening"
