@@ -2,6 +2,7 @@
 # up themselves: a .venv that is rebuilt when pyproject or constraints change.
 
 PYTHON ?= python3
+PORT ?= 5000
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
@@ -42,7 +43,9 @@ check: $(STAMP) ## ruff and mypy
 	$(BIN)/mypy
 
 ui: $(STAMP) ## the MLflow UI on http://127.0.0.1:5000
-	$(BIN)/mlflow ui --backend-store-uri sqlite:///mlruns/mlflow.db --host 127.0.0.1 --port 5000
+	MLFLOW_DISABLE_TELEMETRY=true MLFLOW_SERVER_ENABLE_JOB_EXECUTION=false \
+	$(BIN)/mlflow ui --backend-store-uri sqlite:///mlruns/mlflow.db \
+	    --host 127.0.0.1 --port $(PORT) --workers 1
 
 clean: ## remove .venv and caches, keep mlruns
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache *.egg-info
