@@ -186,12 +186,14 @@ def _shared_time(
     What a simulation misses only ever adds correlation. So where the recordings
     disagree by more than chance, the half of them with the least of it knows best.
     """
-    middle = variance[len(variance) // 2]
+    # Rough windows hold a reversal; judged by what is new from sample to sample, which
+    # says little about the colour itself.
+    rough = variance[-2]
     own: dict[int, tuple[float, NDArray[np.bool]]] = {}
     everything = np.zeros(len(whose), bool)
     for r in np.unique(whose):
         mine = whose == r
-        calm = mine & (middle <= np.quantile(middle[mine], 0.7))
+        calm = mine & (rough <= np.quantile(rough[mine], 0.8))
         everything |= calm
         if calm.sum() >= 4:
             own[int(r)] = (_pooled_time(like[:, calm], interval[whose[calm]])[0], calm)
@@ -206,7 +208,8 @@ def _shared_time(
             break
     least, _ = _pooled_time(like[:, half], clock[half])
     chance = at(together) - at(least)
-    return least if chance > DISAGREE and least < together else together
+    apart = chance > DISAGREE and least < 0.6 * together
+    return least if apart else together
 
 
 def _level(variance: Array, size: Array, typical: float) -> tuple[float, float, Array]:

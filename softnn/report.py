@@ -94,7 +94,12 @@ def _recordings(found: Any) -> Any:
         axis.set_ylabel("stress [MPa]", fontsize=8)
     for axis in list(axes.flat)[count:]:
         axis.set_visible(False)
-    axes.flat[0].legend(fontsize=7, frameon=False)
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    if found.result["mismatch"] and "mismatch" not in labels:
+        from matplotlib.patches import Patch
+
+        handles, labels = [*handles, Patch(color=SHADE)], [*labels, "mismatch"]
+    axes.flat[0].legend(handles, labels, fontsize=7, frameon=False)
     return figure
 
 

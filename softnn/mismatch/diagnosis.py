@@ -32,7 +32,7 @@ VERSION = 1
 SEARCH = 1000  # samples a recording while searching
 REPORT = 6000  # samples a recording for regions, figures and errors
 EXPLAINED, PARTLY = 0.12, 0.5  # share of the excess left, at most
-COLOURED = 0.15  # of excess, times the correlation: as well as coloured noise is known
+WHITE, COLOURED = 0.03, 0.3  # excess within which noise of that kind is known
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
 
@@ -161,7 +161,7 @@ def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
 def clear(found: Explanation) -> bool:
     """Whether what is left is as good as noise, as far as the noise itself is known."""
     colour = float(np.median([n.correlation for n in found.noise]))
-    doubt = 0.01 + COLOURED * max(colour - 0.3, 0.0)
+    doubt = WHITE + COLOURED * max(colour - 0.3, 0.0)
     return found.left < EXPLAINED or found.excess_after < doubt
 
 
