@@ -18,8 +18,8 @@ ORDER = (
     ("properties", "simulate"),
     ("fit",),
     ("crossval",),
-    ("search", "tracking"),
-    ("mismatch", "report"),
+    ("search", "tracking", "report"),
+    ("mismatch",),
     ("cli",),
 )
 RANK = {name: i for i, row in enumerate(ORDER) for name in row}
