@@ -109,6 +109,7 @@ def test_softening_is_named_measured_and_located(tmp_path):
     assert sum(r["share"] for r in result["mismatch"]) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_two_effects_are_both_named(tmp_path):
     lag = Term(effect("sensor_lag"), {"time_constant_s": 0.3, "second": 0.0})
     found = diagnose(read_case(write_case(tmp_path / "pair", [mullins(), lag])))
@@ -377,6 +378,7 @@ def test_model_file_reads_back_as_it_was(diagnosed):
         from_dict({})
 
 
+@pytest.mark.slow
 def test_a_stored_model_is_a_base(diagnosed):
     folder, out = diagnosed
     case = read_case(folder / "soft <b>")
