@@ -463,6 +463,7 @@ def search(base: Baseline, rng: np.random.Generator) -> Explanation:
             first, threshold = found, limit
         elif len(steps) == 1 and not mostly(base.fit, current):
             found = beam(engine, base.fit, first, found, pool, rng)
+        found = simplest(current, found)
         if not found or not enough(
             engine, base.fit, current, found[0].fit, steps, limit
         ):
@@ -544,6 +545,21 @@ def sponge(engine: Engine, found: Fit, steps: list[Step]) -> bool:
     before = {p.effect.id for p in steps[-1].fit.guess.pieces}
     new = [p for p in found.guess.pieces if p.effect.id not in before]
     return any(p.effect.some and len(p.groups) > 0.6 * len(engine.chunks) for p in new)
+
+
+def simplest(before: Fit, found: list[Rival]) -> list[Rival]:
+    """The rivals with the simpler law first where a richer one is hardly better.
+
+    A law that contains another (a flow law a linear dashpot) fits what the other makes
+    at least as well, and better still whatever else is there.
+    """
+    for i, rival in enumerate(found[1:3], start=1):
+        best = found[0]
+        price = 0.01 * (score(before) - score(best.fit))
+        fewer = rival.fit.parameters < best.fit.parameters
+        if fewer and score(rival.fit) < score(best.fit) + price:
+            return [rival, *found[:i], *found[i + 1 :]]
+    return found
 
 
 def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
