@@ -194,9 +194,11 @@ def mask_gaps(case: Case) -> Case:
     """The case without stress after gaps in which the specimen was on the move.
 
     What strain it saw in the gap nobody wrote down; the stress remembers a while.
-    A gap in which the strain stood still costs nothing.
+    A gap in which the strain stood still costs nothing. A recording that goes on from
+    another at another strain begins with such a gap.
     """
     out = []
+    last: float | None = None
     for recording in case.recordings:
         known = np.flatnonzero(np.isfinite(recording.strain))
         time, strain = recording.time_s[known], recording.strain[known]
@@ -208,6 +210,11 @@ def mask_gaps(case: Case) -> Case:
         typical, span = np.median(step), np.ptp(strain)
         stress = np.array(recording.stress_MPa)
         cut = False
+        if last is not None and abs(strain[0] - last) > 0.01 * span:
+            # The specimen went on from a strain this recording does not begin with.
+            stress[recording.time_s < time[0] + 0.4 * (time[-1] - time[0])] = np.nan
+            cut = True
+        last = float(strain[-1]) if case.history == "continued" else None
         for i in np.flatnonzero(step > 6 * typical):
             around = np.concatenate([rate[max(i - 3, 0) : i], rate[i + 1 : i + 4]])
             travel = step[i] * (around.max() if len(around) else 0.0)

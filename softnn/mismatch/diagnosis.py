@@ -82,8 +82,8 @@ def diagnose(case: Case, model: str | Stored | None = None, seed: int = 0) -> Di
         learned = _structure(base, found, rng, verdict)
         if learned is not None and verdict == "nothing_missing":
             verdict = "unexplained"
-    if len(base.engine.target) < FEWEST and verdict == "nothing_missing":
-        verdict = "undetermined"
+    if len(base.engine.target) < FEWEST:
+        verdict, names = "undetermined", []
     accepted = verdict in ("explained", "partly_explained")
     result = _result(case, base, found, full, verdict, names, learned, rng)
     result["seconds"] = round(time.perf_counter() - clock, 3)
