@@ -1,9 +1,6 @@
 """Mismatch: locate it, explain it, model it, verify it.
 
-    >>> from softnn.mismatch import diagnose, read_case          # doctest: +SKIP
-    >>> diagnose(read_case("case-003")).summary                  # doctest: +SKIP
-
-Steps: the base is fitted (`base`), effects are asked and compete (`explain`), what no
+`diagnose(read_case(folder))` is all of it. Steps: the base is fitted (`base`), effects are asked and compete (`explain`), what no
 effect explains is learned (`learn`), regions are told (`locate`), and all of it is held
 against recordings left out (`verify`).
 """
