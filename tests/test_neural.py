@@ -215,6 +215,23 @@ def test_early_stopping_and_evidence_overfit_less_than_neither():
     assert evidence < 0.65 * neither
 
 
+def test_early_stopping_watches_the_start_on_few_samples_too(monkeypatch):
+    seen = []
+
+    def watched(task, start, **how):
+        seen.append(task.validation(start, torch.arange(len(start))) is not None)
+        return minimise(task, start, **how)
+
+    monkeypatch.setattr("softnn.neural.training.minimise", watched)
+    x, y = tensile(np.random.default_rng(10), rows=9000)
+    (got,) = train(
+        x, y, neurons=[4], train_mask=np.ones((1, 9000), bool), seeds=[0],
+        regularisation=Regularisation("early-stopping"), settings=Settings(epochs=20),
+    )  # fmt: skip
+    assert seen == [True, True]
+    assert nrmse(got.network.predict(x), y) < 0.1
+
+
 def test_a_start_on_few_samples_ends_where_a_full_one_does(monkeypatch):
     rng = np.random.default_rng(6)
     x, y = tensile(rng, rows=1500)

@@ -112,10 +112,7 @@ class _Tanh:
         self.held_out = held_out
 
     def split(self, parameters: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Hidden (b, d + 1, s), output (b, 1, s) and last bias (b, 1)."""
-        d1, s = self.x.shape[2], self.width
-        hidden = parameters[:, : d1 * s].reshape(-1, d1, s)
-        return hidden, parameters[:, None, d1 * s : d1 * s + s], parameters[:, -1:]
+        return _split(parameters, self.x.shape[2], self.width)
 
     def _chunks(self, networks: int, columns: int) -> list[slice]:
         most = CHUNK.get(self.x.device.type, CHUNK["cpu"])
@@ -278,12 +275,15 @@ def _train_batch(
     counts = torch.tensor([job.neurons for job in jobs], device=device)
     width = int(counts.max())
 
-    def problem(sets: list[_Set], repeats: int = 1) -> _Tanh:
+    def problem(sets: list[_Set], repeats: int) -> _Tanh:
         many = [one for one in sets for _ in range(repeats)]
         x, y, weight, within = (torch.from_numpy(a).to(device) for a in _stack(many))
         return _Tanh(x, y, weight, within, counts.repeat_interleave(repeats))
 
-    def fit(task: _Tanh, start: Tensor, how: Settings) -> Result:
+    def fit(sets: list[_Set], start: Tensor, how: Settings, repeats: int = 1) -> Result:
+        task = problem(sets, repeats)
+        if checks is not None:  # in the early part too, or it would overfit unseen
+            task.held_out = problem(checks, repeats)
         decay: Tensor | float = 0.0
         if regularisation.kind == "l2":
             decay = regularisation.weight * task.count
@@ -297,24 +297,24 @@ def _train_batch(
             for _ in range(starts)
         ]
     ).to(device)
-    whole = [
-        _scaled(inputs, target, r, *z) for r, z in zip(rows, scalings, strict=True)
-    ]
+
+    def scaled(some: list[np.ndarray]) -> list[_Set]:
+        pairs = zip(some, scalings, strict=True)
+        return [_scaled(inputs, target, r, *z) for r, z in pairs]
+
+    checks = None if held_out is None else scaled(held_out)
+    whole = scaled(rows)
     fewer = [_summary(one, rng) for one, rng in zip(whole, rngs, strict=True)]
     if starts > 1 or any(few is not one for few, one in zip(fewer, whole, strict=True)):
         # Most of the way is gone on far fewer rows, at a fraction of the cost.
-        early = fit(problem(fewer, starts), start, settings)
+        early = fit(fewer, start, settings, starts)
         pick = early.evidence.reshape(-1, starts).nan_to_num(nan=-torch.inf).argmax(1)
         first = torch.arange(len(jobs), device=device) * starts
         start = early.parameters[first + pick]
         settings = replace(settings, settled_epochs=min(settings.settled_epochs, 3))
-    task = problem(whole)
-    if held_out is not None:
-        sets = zip(held_out, scalings, strict=True)
-        task.held_out = problem([_scaled(inputs, target, r, *z) for r, z in sets])
-    result = fit(task, start, settings)
+    result = fit(whole, start, settings)
     seconds = (time.perf_counter() - began) / len(rows)
-    parts = task.split(result.parameters)
+    parts = _split(result.parameters, inputs.shape[1] + 1, width)
     hidden, output, bias = (part.cpu().numpy() for part in parts)
     trained = []
     for i, job in enumerate(jobs):
@@ -328,7 +328,7 @@ def _train_batch(
             Trained(
                 network,
                 count,
-                int(task.size[i]),
+                count * (inputs.shape[1] + 2) + 1,
                 float(result.gamma[i]),
                 float(result.alpha[i]),
                 float(result.beta[i]),
@@ -338,6 +338,12 @@ def _train_batch(
             )
         )
     return trained
+
+
+def _split(parameters: Tensor, d1: int, s: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Hidden (b, d1, s), output (b, 1, s) and last bias (b, 1) of parameters (b, P)."""
+    hidden = parameters[:, : d1 * s].reshape(-1, d1, s)
+    return hidden, parameters[:, None, d1 * s : d1 * s + s], parameters[:, -1:]
 
 
 def _nguyen_widrow(rng: np.random.Generator, count: int, d: int, width: int) -> Tensor:
