@@ -626,13 +626,16 @@ def answer_of(group: str, *effects: str, power: float = 1.0) -> dict:
         "noise": {"kind": "white", "level": 0.01, "sigma_MPa": 0.003},
         "unseen": {"clean_MPa": [1.0, 2.0]} if group == "single" else None,
         "noise_nrmse": 0.02,
+        "left_nrmse": 0.015,
         "dirty": False,
         "simulated": False,
         "history": "fresh",
     }
 
 
-def said(verdict: str, *selected: str, chance: float = 0.9, mismatch=()) -> dict:
+def said(
+    verdict: str, *selected: str, chance: float = 0.9, mismatch=(), base: float = 0.1
+) -> dict:
     return {
         "verdict": verdict,
         "selected": list(selected),
@@ -641,7 +644,7 @@ def said(verdict: str, *selected: str, chance: float = 0.9, mismatch=()) -> dict
             for s in selected
         ],
         "mismatch": list(mismatch),
-        "fit": {"after": {"heldout_nrmse": 0.021}},
+        "fit": {"before": {"nrmse": base}, "after": {"heldout_nrmse": 0.021}},
     }
 
 
@@ -716,6 +719,82 @@ def test_scores_counted_by_hand():
     }
 
 
+def test_concealed_is_what_the_base_alone_hides():
+    cases = [
+        (answer_of("single", "slack"), said("explained", "slack", base=0.04)),
+        (answer_of("single", "slack"), said("explained", "slack", base=0.06)),
+        (answer_of("single", "slack"), said("nothing_missing", base=0.01)),
+        # Right, and more: named, but not right.
+        (
+            answer_of("single", "inertia"),
+            said("explained", "inertia", "slack", base=0.049),
+        ),
+        # Without a diagnosis: 0.015 left by the key's refit and 0.02 of noise, 0.025.
+        (answer_of("single", "inertia"), scoring.ABSENT),
+        (answer_of("null"), said("nothing_missing", base=0.02)),
+    ]
+    answers = [{**a, "case": str(i)} for i, (a, _) in enumerate(cases)]
+    times = {str(i): {"recording-01": np.arange(10.0)} for i in range(len(cases))}
+    diagnoses = {str(i): d for i, (_, d) in enumerate(cases)}
+    found = scoring.score(answers, diagnoses, times, {})["concealment"]
+    assert found["cases"][4]["base_nrmse"] == pytest.approx(0.025)
+    slack, inertia = found["effects"]["slack"], found["effects"]["inertia"]
+    assert (slack["accepted"]["right"], slack["accepted"]["of"]) == (2, 3)
+    assert (slack["named"]["right"], slack["named"]["of"]) == (1, 2)
+    assert (inertia["named"]["right"], inertia["right"]["right"]) == (1, 0)
+    single = found["groups"]["single"]
+    assert (single["right"]["right"], single["right"]["of"]) == (1, 4)
+    assert single["right"]["high"] == pytest.approx(scoring.wilson(1, 4)[1])
+    assert found["groups"]["null"]["accepted"]["rate"] == 1
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.1, 1.0])
+def test_prescribed_noise_is_as_prescribed(colour):
+    one = replace(order("single", ("zero_offset",), 7), level=0.005)
+    one = replace(one, correlation_s=colour)
+    forged = forge.forge_case(one)
+    clean, left = [], []
+    by_step = []
+    for r in forged.answer["recordings"]:
+        table = forged.tables[r["name"]]
+        noise = table.stress_MPa.to_numpy() - np.array(r["clean_MPa"])
+        step = np.diff(table.time_s)
+        keep = np.exp(-step / colour) if colour else np.zeros_like(step)
+        by_step.append(noise[1:] * noise[:-1] - keep * noise[:-1] ** 2)
+        clean.append(r["clean_MPa"])
+        left.append(noise)
+    sigma = 0.005 * np.ptp(np.concatenate(clean))
+    assert np.sqrt(np.mean(np.concatenate(left) ** 2)) == pytest.approx(sigma, rel=0.2)
+    # Neighbours correlate as exp(-step / time), whatever the step.
+    products = np.concatenate(by_step) / sigma**2
+    assert abs(products.mean()) < 4 / np.sqrt(len(products))
+    assert orders.order_of(forged.answer) == one
+    # The same material and effect at any noise: only what is drawn last differs.
+    other = forge.forge_case(replace(one, correlation_s=None))
+    assert (
+        other.answer["planted"]["zero_offset"]["parameters"]
+        == (forged.answer["planted"]["zero_offset"]["parameters"])
+    )
+
+
+@pytest.mark.parametrize(
+    ("group", "effects", "number", "total_MPa", "samples"),
+    # Written down before noise could be prescribed.
+    [
+        ("null", (), 1, 15380.9951717909, 6607),
+        ("single", ("gain_error",), 2, 4617.0241284538, 12560),
+        ("pair", ("slack", "mullins_softening"), 3, 847.4500759396, 9737),
+    ],
+)
+def test_seeds_forge_what_they_always_forged(
+    group, effects, number, total_MPa, samples
+):
+    tables = forge.forge_case(order(group, effects, number)).tables.values()
+    assert sum(map(len, tables)) == samples
+    total = sum(float(t.stress_MPa.abs().sum()) for t in tables)
+    assert total == pytest.approx(total_MPa, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_a_perfect_diagnosis_meets_every_bar(forged, tmp_path, monkeypatch):
     """The whole way from the key to the report, with diagnoses written by the key."""
@@ -737,6 +816,7 @@ def test_a_perfect_diagnosis_meets_every_bar(forged, tmp_path, monkeypatch):
             *(answer["effects"] if listed else ()),
             mismatch=mismatch,
         )
+        told["fit"]["before"]["nrmse"] = 0.03
         told["fit"]["after"]["heldout_nrmse"] = answer["noise_nrmse"]
         place = folder / "diagnoses" / answer["case"]
         place.mkdir(parents=True)
@@ -756,7 +836,7 @@ def test_a_perfect_diagnosis_meets_every_bar(forged, tmp_path, monkeypatch):
     assert trial.main(["--score-only", str(folder)]) == 0
     result = json.loads((folder / "concealed.json").read_text())
     bars = result["trials"]["strength-1"]["bars"]
-    assert len(bars) == 9
+    assert len(bars) == 10
     # There is no model to simulate, so nothing is said about the unseen programme.
     assert [b["key"] for b in bars if b["met"] is None] == ["unseen_over_floor"]
     assert all(b["met"] for b in bars if b["met"] is not None), bars

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from studies.concealed import oracle
-from studies.concealed.noises import Noise, draw_noise
+from studies.concealed.noises import Noise, draw_noise, of_colour
 from studies.concealed.orders import EFFECTS, NAMES, OWN_SIZE, SENSORS, Order
 from studies.concealed.planting import Context, Planted
 from studies.concealed.programmes import Array, Imposed, sample, zigzag
@@ -87,9 +87,10 @@ def forge_case(order: Order) -> Forged:
     clean, off = setting.sampled(setting.run(planted)), setting.sampled(setting.run(()))
     if not np.isfinite(clean).all():
         raise FloatingPointError(f"{order.name}: the forged stress is not finite")
-    noise = replace(
-        draw_noise(rng, 1.0), sigma_MPa=setting.level * float(np.ptp(clean))
-    )
+    noise = draw_noise(rng, 1.0)
+    if order.correlation_s is not None:
+        noise = of_colour(order.correlation_s)
+    noise = replace(noise, sigma_MPa=setting.level * float(np.ptp(clean)))
     tables = write_down(rng, order, setting, noise, clean, off)
     written = np.concatenate([t["stress_MPa"].to_numpy() for t in tables.values()])
     if order.dirty:
@@ -147,6 +148,8 @@ def forge_case(order: Order) -> Forged:
             )
         ],
     }
+    if order.prescribed:
+        answer["prescribed"] = order.prescribed
     return Forged(tables, "\n".join(toml) + "\n", answer)
 
 

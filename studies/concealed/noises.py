@@ -48,6 +48,12 @@ class Noise:
         return clean + self.profile(clean, peak) * white
 
 
+def of_colour(correlation_s: float) -> Noise:
+    """Noise of unit size, white at 0 s."""
+    kind = "coloured" if correlation_s > 0 else "white"
+    return Noise(kind, 1.0, correlation_s, 1.0)
+
+
 def draw_noise(rng: np.random.Generator, stress_range: float) -> Noise:
     """Kind and level at random."""
     kind = str(rng.choice(KINDS, p=(0.4, 0.25, 0.2, 0.15)))

@@ -65,6 +65,16 @@ class Order:
     number: int
     dirty: bool = False
     simulated: bool = False
+    # Noise is drawn unless it is prescribed: its level as a share of the stress range,
+    # and its correlation time (0 for white).
+    level: float | None = None
+    correlation_s: float | None = None
+
+    @property
+    def prescribed(self) -> dict[str, float]:
+        """What of the noise is not left to chance."""
+        both = {"level": self.level, "correlation_s": self.correlation_s}
+        return {k: v for k, v in both.items() if v is not None}
 
 
 def order_of(answer: Mapping[str, Any]) -> Order:
@@ -74,6 +84,7 @@ def order_of(answer: Mapping[str, Any]) -> Order:
         answer["group"],
         tuple(answer["effects"]),
         *(answer[k] for k in ("strength", "seed", "number", "dirty", "simulated")),
+        **answer.get("prescribed", {}),
     )
 
 

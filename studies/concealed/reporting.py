@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +35,7 @@ def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str,
         entry = found if isinstance(found, dict) else {"rate": found}
         value = entry.get("rate")
         met = None
-        if value is not None:
+        if value is not None and math.isfinite(value):  # no case, no verdict
             met = bool(value >= bar) if least else bool(value <= bar)
         rows.append({"key": key, "what": what, "bar": bar, "met": met, **entry})
 
@@ -43,6 +44,14 @@ def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str,
         "one effect: it and nothing else",
         groups.get("single"),
         0.95 if plain else 0.90,
+    )
+    hidden = scores["concealment"]
+    limit = percent(hidden["accepted_below_nrmse"], 0)
+    row(
+        "accepted_right",
+        f"the same where the base alone is within {limit}",
+        hidden["groups"].get("single", {}).get("right"),
+        0.90,
     )
     row("null_right", "nothing: nothing_missing", groups.get("null"), 0.98)
     row("pair_right", "two effects: both and only both", groups.get("pair"), 0.85)
@@ -115,11 +124,6 @@ def report(
 def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) -> str:
     """The tables of a trial: bars, effect by effect, causes of the misses."""
 
-    def interval(r: Mapping[str, Any]) -> str | None:
-        if "low" not in r:
-            return None
-        return f"{percent(r['low'], 1)} to {percent(r['high'], 1)}"
-
     def shown(r: Mapping[str, Any]) -> str | None:
         value = r.get("rate")
         if value is None:
@@ -155,6 +159,7 @@ def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) ->
             for name, e in scores["effects"].items()
         ],
     )
+    hidden = concealment_table(scores["concealment"])
     causes: dict[tuple[str, str], int] = {}
     for m in scores["misses"]:
         key = (m["effects"] or m["group"], m["cause"])
@@ -163,7 +168,42 @@ def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) ->
         ["missed", "cause", "cases"],
         [[what, why, n] for (what, why), n in sorted(causes.items())],
     )
-    return "\n\n".join([first, second, third])
+    return "\n\n".join([first, second, hidden, third])
+
+
+def interval(r: Mapping[str, Any]) -> str | None:
+    if r.get("low") is None or not math.isfinite(r["low"]):
+        return None
+    return f"{percent(r['low'], 1)} to {percent(r['high'], 1)}"
+
+
+def concealment_table(hidden: Mapping[str, Any]) -> str:
+    """Effect by effect: what was found where the base alone looks good enough."""
+    limit = percent(hidden["accepted_below_nrmse"], 0)
+    return markdown(
+        [
+            "effect",
+            "base alone, median NRMSE",
+            f"cases within {limit}",
+            "named in those",
+            "right and only",
+            "95 % interval",
+        ],
+        [
+            [
+                name,
+                percent(e["base_nrmse"], 1),
+                f"{e['accepted']['right']} of {e['accepted']['of']}",
+                percent(e["named"]["rate"], 0),
+                percent(e["right"]["rate"], 0),
+                interval(e["right"]),
+            ]
+            for name, e in (
+                *hidden["effects"].items(),
+                *((f"all of {g}", e) for g, e in hidden["groups"].items()),
+            )
+        ],
+    )
 
 
 def confusion_figure(counts: Mapping[str, Mapping[str, int]]) -> Figure:

@@ -17,6 +17,7 @@ import pandas as pd
 
 from studies.concealed.orders import NAMES
 
+ACCEPTED = 0.05  # NRMSE of the base alone up to which a fit is accepted by eye
 CONFIDENT = 0.5  # a name given this probability or more is asserted
 AND_MORE, SEVERAL = "it and more", "several"
 VERDICTS = ("nothing_missing", "undetermined", "unexplained", "no diagnosis")
@@ -181,6 +182,44 @@ def heldout_over_floor(
     return None if after is None else float(after) / float(answer["noise_nrmse"])
 
 
+def base_nrmse(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> float:
+    """NRMSE of the base with nothing added: what a practitioner looks at.
+
+    As the diagnosis found it: refitted, unless it was given as a simulation. Without a
+    diagnosis, what the key's own refit leaves and the noise, added in squares.
+    """
+    found = diagnosis.get("fit", {}).get("before", {}).get("nrmse")
+    if found is not None:
+        return float(found)
+    return float(np.hypot(answer["left_nrmse"], answer["noise_nrmse"]))
+
+
+def concealment(table: pd.DataFrame) -> dict[str, Any]:
+    """How much was found in the cases whose base would have been accepted by eye."""
+    listed = table[table.group.isin(["single", "pair"])]
+    single = table[table.group == "single"]
+    return {
+        "accepted_below_nrmse": ACCEPTED,
+        "groups": {g: concealed_share(t) for g, t in table.groupby("group")},
+        "effects": {e: concealed_share(t) for e, t in single.groupby("effects")},
+        "cases": [
+            {k: row[k] for k in ("case", "effects", "base_nrmse", "named", "right")}
+            for row in listed.to_dict("records")
+        ],
+    }
+
+
+def concealed_share(table: pd.DataFrame) -> dict[str, Any]:
+    """Of some cases: how many were accepted by eye, and what was named in those."""
+    accepted = table[table.accepted]
+    return {
+        "base_nrmse": median(table.base_nrmse),
+        "accepted": Rate(len(accepted), len(table)).entry(),
+        "named": Rate(int(accepted.named.sum()), len(accepted)).entry(),
+        "right": rate(accepted),
+    }
+
+
 def unseen_over_floor(
     answer: Mapping[str, Any], simulated_MPa: np.ndarray | None
 ) -> float | None:
@@ -211,12 +250,17 @@ def score(
     for answer in answers:
         d = diagnoses[answer["case"]]
         times = times_s[answer["case"]]
+        nrmse = base_nrmse(answer, d)
         rows.append(
             {
                 "case": answer["case"],
                 "group": answer["group"],
                 "effects": "+".join(answer["effects"]),
                 "right": right(answer, d),
+                "base_nrmse": nrmse,
+                "accepted": nrmse < ACCEPTED,
+                "named": bool(answer["effects"])
+                and set(answer["effects"]) <= set(d["selected"]),
                 "column": column(answer, d),
                 "verdict": d["verdict"],
                 "selected": list(d["selected"]),
@@ -257,6 +301,7 @@ def score(
             for name in ("dirty", "simulated", "history", "noise", "level")
             for value, t in table.groupby(name)
         },
+        "concealment": concealment(table),
         "power": power_against_oracle(table[table.group == "single"]),
         "region_f1": median(listed.f1),
         "region_f1_left": median(listed.f1_left),

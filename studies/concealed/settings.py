@@ -133,6 +133,8 @@ def draw_setting(rng: np.random.Generator, order: Order) -> Setting:
         base = draw_base(rng, peak, not model.startswith("pl-"), branches)
         # A level of its own to every try: a bent spring comes with the louder ones.
         level = float(rng.choice(LEVELS))
+        if order.level is not None:
+            level = order.level
         setting = replace(setting, base=base, level=level)
         stress = setting.sampled(setting.bare())
         sigma = setting.level * float(np.ptp(stress))
