@@ -1,0 +1,83 @@
+"""What a diagnosis costs: what is written down, and what is read off the timings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from softnn.mismatch import diagnose, diagnosis, read_case
+from studies import cost
+
+
+@pytest.fixture(scope="module")
+def offset():
+    return cost.specimen("zero_offset", 3)
+
+
+@pytest.mark.parametrize("samples", [100, 5000])
+def test_every_recording_has_as_many_samples_as_asked_for(samples, offset, tmp_path):
+    offset.write(tmp_path / "c", samples, 1)
+    case = read_case(tmp_path / "c")
+    assert [len(r) for r in case.recordings] == [samples] * cost.RECORDINGS
+    clean = offset.setting.run(offset.planted)
+    sigma = cost.LEVEL * np.ptp(np.concatenate(clean))
+    left = [
+        r.stress_MPa - np.interp(r.time_s, p.time_s, s)
+        for r, p, s in zip(
+            case.recordings, offset.setting.programmes, clean, strict=True
+        )
+    ]
+    assert np.std(np.concatenate(left)) == pytest.approx(sigma, rel=0.1)
+
+
+def test_only_the_pool_is_chosen_from(offset, tmp_path):
+    offset.write(tmp_path / "c", 150, 1)
+    case = read_case(tmp_path / "c")
+    assert "zero_offset" in diagnose(case).result["selected"]
+    with cost.pool_of(["gain_error"]):
+        found = diagnose(case).result
+    assert {c["effect"] for c in found["candidates"]} <= {None, "gain_error"}
+    assert "zero_offset" not in found["selected"]
+    choices = cost.pools(offset, tmp_path / "c", (1, 4, 99))
+    assert choices[0] == ["zero_offset"]
+    assert choices[1][:1] == choices[0]
+    assert choices[2][:4] == choices[1]
+    assert 10 < len(choices[2]) == len(set(choices[2])) <= 19
+
+
+def test_unthinned_is_undone():
+    before = diagnosis.SEARCH, diagnosis.REPORT
+    with cost.unthinned():
+        assert min(diagnosis.SEARCH, diagnosis.REPORT) == cost.EVERY
+    assert (diagnosis.SEARCH, diagnosis.REPORT) == before
+
+
+def test_curve_by_hand():
+    rows = [
+        {
+            "curve": "samples",
+            "planted": name,
+            "count": n,
+            "read_s": 0.001 * n,
+            "seconds": factor * (0.5 + 0.01 * n),
+        }
+        for name, factor in (("", 1), ("slack", 3))
+        for n in (10, 100, 1000)
+    ]
+    # A count that one of them lacks is no mean.
+    rows.append({**rows[0], "count": 20})
+    curve = cost.curve_of(rows, "samples")
+    assert curve["counts"] == [10, 100, 1000]
+    assert curve["seconds"] == pytest.approx([1.2, 3.0, 21.0])
+    assert curve["seconds_for_one_more"] == pytest.approx(0.02)
+    assert curve["seconds_once"] == pytest.approx(1.0)
+    assert curve["slope"] == pytest.approx(np.log10(21 / 1.2) / 2)
+    assert curve["slope_upper_half"] == pytest.approx(np.log10(7))
+    assert cost.slope([10], [1.0]) is None
+
+
+def test_refusals(capsys):
+    assert cost.main(["--effects", "magic"]) == 2
+    assert "no effect is called 'magic'" in capsys.readouterr().err
+    assert cost.main(["--sizes", "10"]) == 2
+    assert "sizes start at 50" in capsys.readouterr().err
