@@ -15,15 +15,16 @@ class MullinsSoftening(Effect):
     r"""Stress softening below the largest strain reached (Ogden and Roxburgh).
 
     .. math:: \eta = 1 - d \;\mathrm{erf}\!\left(
-              \frac{\varepsilon_m^2 - \varepsilon^2}
-                   {s\,(c^2 + \varepsilon_m^2)}\right), \qquad
+              \frac{|\varepsilon_m|^q - |\varepsilon|^q}
+                   {s\,(c^q + |\varepsilon_m|^q)}\right), \qquad
               \varepsilon_m = \max_{s \le t} |\varepsilon|
 
     Both parts of the stress are multiplied by eta, the branches by 1 - v (1 - eta).
-    depth d in [0, 1] is 1/r of the source; scale c is the strain above which softening
-    is full (m of the source), sharpness s its beta; energy is taken as quadratic in
-    strain, so that eta does not depend on the stress. viscous_share v in [0, 1]. Ogden
-    and Roxburgh 1999, doi:10.1098/rspa.1999.0431.
+    depth d in [0, 1] is 1/r of the source; s c^q is its m, and sharpness s the beta of
+    the form m + beta W_m that finite-element codes use. The energy W is taken to go
+    with a power q of the strain, so that eta does not depend on the stress: 2 for a
+    straight stress-strain curve, less for one that bends over, as that of foam does.
+    viscous_share v in [0, 1]. Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431.
 
     In a recording: the second loading to the same strain lies below the first, and
     meets it at the largest strain so far. Mistaken for a set (which shifts), friction
@@ -32,15 +33,16 @@ class MullinsSoftening(Effect):
 
     stage = "material"
     ports = ("equilibrium", "branches")
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("depth", "-", 0.0, 1.0, 0.4, meaning="d, loss of stiffness at most"),
         Parameter("scale", "-", 1e-3, 10.0, 0.1, "log", "c, strain of full softening"),
         Parameter("sharpness", "-", 0.02, 10.0, 0.7, "log", "s, how late it comes"),
         Parameter("viscous_share", "-", 0.0, 1.0, 1.0, meaning="v, of the branches"),
+        Parameter("power", "-", 0.5, 4.0, 2.0, "log", "q, energy over strain"),
     )
     off = {"depth": 0.0}
     amplitude = "depth"
-    shape = ("sharpness", "viscous_share")
+    shape: tuple[str, ...] = ("sharpness", "viscous_share", "power")
     where = "on reloading and unloading below the largest strain so far"
     twins = {
         "permanent_set": "reloading to near zero strain, where a set stays",
@@ -54,7 +56,9 @@ class MullinsSoftening(Effect):
         return (SimoDamage(),)
 
     def factor(self, p, strain, largest):
-        reach = (largest**2 - strain**2) / (p["scale"] ** 2 + largest**2)
+        power = p["power"]
+        top, now = largest**power, np.abs(strain) ** power
+        reach = (top - now) / (p["scale"] ** power + top)
         return 1 - p["depth"] * erf(np.maximum(reach, 0) / p["sharpness"])
 
     def after(self, p, signal, state):
@@ -92,6 +96,9 @@ class SimoDamage(MullinsSoftening):
     Simo 1987, doi:10.1016/0045-7825(87)90107-1. A spring of free shape absorbs what
     this does to first loading, so it is seen on reloading only.
     """
+
+    parameters = MullinsSoftening.parameters[:4]
+    shape = MullinsSoftening.shape[:2]
 
     def factor(self, p, strain, largest):
         power = np.minimum(1 / p["sharpness"], 20)

@@ -18,25 +18,26 @@ class PermanentSet(Effect):
               + a \left(\max_{s \le t} \varepsilon^-(s) - y\right)_+^p
 
     a is the ratio of set to largest strain (at strain 1), p its exponent, yield y the
-    strain from which on it grows. With `on_return` r above 0 the set
-    shows as the specimen comes back, in full at zero: the share that shows is
-    1 - (strain / largest)^(1/r). On first
-    loading the set is part of the curve and cannot be seen; on reloading the curve is
-    shifted. `buckling` b scales what is left of negative elastic strain, 1 - b: a strip
-    with a set hangs slack. Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
+    strain from which on it grows. With `on_return` r above 0 the set shows as the
+    specimen comes back, in full at zero: the share that shows is
+    1 - (strain / largest)^(1/r). On first loading the set is part of the curve and
+    cannot be seen; on reloading the curve is shifted. `buckling` b is the share lost of
+    a stress of the other sign at strains within the set: a strip that has grown longer
+    hangs slack, a shortened block lies loose, while its viscous strain recovers.
+    Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
 
     Mistaken for slack (which does not grow), for a zero offset and for slow relaxation
     (which a pause heals).
     """
 
     stage = "material"
-    ports = ("strain", "branch_strain")
+    ports = ("strain", "branch_strain", "equilibrium", "branches")
     parameters = (
         Parameter("ratio", "-", 0.0, 0.95, 0.1, meaning="set over largest strain at 1"),
         Parameter("exponent", "-", 0.2, 5.0, 1.0, "log", "growth of the set"),
         Parameter("yield_strain", "-", 0.0, 2.0, 0.0, meaning="where the set begins"),
         Parameter("on_return", "-", 0.0, 3.0, 0.0, meaning="r, how late it shows"),
-        Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="loss below the set"),
+        Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="b, loss when slack"),
     )
     off = {"ratio": 0.0}
     amplitude = "ratio"
@@ -62,17 +63,28 @@ class PermanentSet(Effect):
         late = p["on_return"]
         hidden = np.exp(np.log(near) / np.maximum(late, 0.02))
         shift = a * grown * np.where(late >= 0.02, 1 - hidden, 1.0)
-
-        def elastic(value):
-            left = value - shift
-            # Buckled: on the far side of zero from where the set was made.
-            slack = (left * np.sign(shift)) < 0
-            return np.where(slack & (a > 0), (1 - p["buckling"]) * left, left)
-
         new = replace(
             signal,
-            strain=elastic(strain),
-            branch_strain=elastic(signal.branch_strain),
+            strain=strain - shift,
+            branch_strain=signal.branch_strain - shift,
+        )
+        return new, (above[-1:], below[-1:])
+
+    def after(self, p, signal, state):
+        # The side to which the specimen has been strained further: it hangs slack, or
+        # lies loose between the plates, where it would have to bear the other sign.
+        above, below = (0.0, 0.0) if state is None else state
+        above = np.maximum.accumulate(np.maximum(np.maximum(signal.strain, 0), above))
+        below = np.maximum.accumulate(np.maximum(np.maximum(-signal.strain, 0), below))
+        side = np.sign(above - below)
+        stress = signal.equilibrium + signal.branches
+        # Within the set only: without a set this is no slender strip (`tension_only`).
+        slack = (side * signal.strain < 0) & (side * stress < 0) & (p["ratio"] > 0)
+        factor = np.where(slack, 1 - p["buckling"], 1.0)
+        new = replace(
+            signal,
+            equilibrium=signal.equilibrium * factor,
+            branches=signal.branches * factor,
         )
         return new, (above[-1:], below[-1:])
 
@@ -82,9 +94,10 @@ class PermanentSet(Effect):
                 "ratio": 0.1 * scales.strain ** (1 - p),
                 "exponent": p,
                 "yield_strain": 0.0,
+                "on_return": r,
                 "buckling": b,
             }
-            for p, r, b in ((1, 0, 0), (2, 0, 0), (1, 0, 1), (1, 1, 0))
+            for p, r, b in ((1, 0, 0), (2, 0, 0), (1, 0.1, 1), (1, 1, 0))
         ]
 
     def telltale(self):

@@ -1,0 +1,72 @@
+"""Forms that real recordings asked for, against the sources they are taken from."""
+
+import numpy as np
+import pytest
+from scipy.special import erf
+
+from softnn.contracts import Chunk
+from softnn.effects import effect
+from softnn.models.units import Units
+from softnn.simulate import Term, simulate
+
+SPRING = Units("hooke", (0.0, 1.0))
+
+
+@pytest.mark.parametrize("power", [1.2, 2.0, 3.0])
+def test_softening_is_that_of_ogden_and_roxburgh_for_a_power_law_energy(power):
+    # W = K e^q, eta = 1 - erf((W_m - W) / (m + beta W_m)) / r with 1/r = d,
+    # beta = s, m = s K c^q; K falls out.
+    law = effect("mullins_softening")
+    d, c, s, k = 0.7, 0.15, 0.6, 3.7
+    strain = np.array([0.0, 0.2, 0.5, 0.4, 0.1, 0.3, 0.5, 0.7])
+    largest = np.maximum.accumulate(strain)
+    top, now = k * largest**power, k * strain**power
+    eta = 1 - d * erf((top - now) / (s * k * c**power + s * top))
+    values = {
+        "depth": d, "scale": c, "sharpness": s, "viscous_share": 1.0, "power": power
+    }  # fmt: skip
+    pull = Chunk(np.arange(8.0), strain)
+    out = simulate(SPRING, [2.0], [Term(law, values)], [pull])[0]
+    np.testing.assert_allclose(out, 2.0 * eta * strain, rtol=1e-12)
+
+
+SET = {"ratio": 0.2, "exponent": 1.0, "yield_strain": 0.0, "on_return": 0.0}
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("lost", [0.0, 0.6, 1.0])
+def test_within_its_set_a_strip_bears_only_what_buckling_leaves(side, lost):
+    # Set 0.2 x 0.5 = 0.1: below it a spring of 2 MPa would push back.
+    law = effect("permanent_set")
+    strain = side * np.array([0.5, 0.3, 0.1, 0.05, 0.0])
+    values = SET | {"buckling": lost}
+    chunk = Chunk(np.arange(5.0), strain)
+    out = simulate(SPRING, [2.0], [Term(law, values)], [chunk])[0]
+    bare = 2.0 * side * np.array([0.4, 0.2, 0.0, -0.05, -0.1])
+    expected = np.where(side * bare < 0, (1 - lost) * bare, bare)
+    np.testing.assert_allclose(out, expected, atol=1e-12)
+
+
+def test_a_buckled_strip_goes_on_relaxing():
+    # Its viscous stress is lost while it hangs slack, and back when it is taut.
+    law = effect("permanent_set")
+    maxwell = Units("sls", (0.0, 1.0), (2.0,))
+    time = np.linspace(0, 6, 601)
+    strain = np.interp(time, [0, 1, 2, 4, 5, 6], [0, 0.5, 0, 0, 0.5, 0.5])
+    chunk = Chunk(time, strain)
+    slack, block = (
+        simulate(maxwell, [1.0, 1.0], [Term(law, SET | {"buckling": b})], [chunk])[0]
+        for b in (1.0, 0.0)
+    )
+    assert block[300] < -0.1
+    assert slack[300] == 0.0
+    np.testing.assert_array_equal(slack[strain > 0.1], block[strain > 0.1])
+
+
+def test_buckling_without_a_set_is_nothing():
+    law = effect("permanent_set")
+    time = np.linspace(0, 2, 201)
+    chunk = Chunk(time, np.interp(time, [0, 1, 2], [0, 0.5, -0.2]))
+    values = SET | {"ratio": 0.0, "buckling": 1.0}
+    out = simulate(SPRING, [2.0], [Term(law, values)], [chunk])[0]
+    np.testing.assert_array_equal(out, 2.0 * chunk.strain)
