@@ -186,6 +186,13 @@ def headline_of(found: Mapping[str, Any]) -> dict[str, Any]:
         headline[f"false_alarm/{colour}"] = n["false_alarm"]["rate"]
         headline[f"false_alarm_high/{colour}"] = n["false_alarm"]["high"]
         headline[f"nulls/{colour}"] = n["false_alarm"]["of"]
+    for colour in nulls:
+        of = [
+            e["colours"][colour]["ratio"]
+            for e in effects.values()
+            if colour in e["colours"]
+        ]
+        headline[f"power_ratio_mean/{colour}"] = float(np.mean(of)) if of else None
     for name, e in effects.items():
         headline[f"power_ratio/{name}"] = e["ratio"]
         headline[f"smallest_strength/{name}"] = e["smallest_strength"]
@@ -226,6 +233,7 @@ def as_markdown(found: Mapping[str, Any]) -> str:
             ],
             rows,
         ),
+        colour_table(effects),
         markdown(
             ["nulls", "false alarms", "95 % interval", "cases", "false names"],
             [
@@ -252,6 +260,23 @@ def as_markdown(found: Mapping[str, Any]) -> str:
     return "\n\n".join(tables)
 
 
+def colour_table(effects: Mapping[str, Any]) -> str:
+    """Power ratio and smallest strength by colour of the noise."""
+    colours = list(dict.fromkeys(c for e in effects.values() for c in e["colours"]))
+    rows = []
+    for name, e in effects.items():
+        parts = [e["colours"].get(c, {}) for c in colours]
+        rows.append(
+            [
+                name,
+                *(number(p.get("ratio")) for p in parts),
+                *(number(p.get("smallest_strength")) for p in parts),
+            ]
+        )
+    heads = [f"over the oracle, {c}" for c in colours]
+    return markdown(["effect", *heads, *(f"90 % from, {c}" for c in colours)], rows)
+
+
 def number(value: float | None) -> str | None:
     return None if value is None else f"{value:.2g}"
 
@@ -263,7 +288,7 @@ def effect_figure(name: str, entry: Mapping[str, Any]) -> Figure:
     panels = figure.subplots(1, len(colours), sharey=True, squeeze=False)[0]
     for axes, (colour, part) in zip(panels, colours.items(), strict=True):
         curve(axes, part["strengths"])
-        axes.set_title(f"{colour} noise")
+        axes.set_title("white noise" if colour == "white" else f"{colour} correlation")
         axes.set_xlabel("strength")
     panels[0].set_ylabel(f"cases of {name.replace('_', ' ')}")
     panels[0].legend(fontsize=7, loc="best")
@@ -286,7 +311,15 @@ def curve(axes: Axes, strengths: Mapping[str, Any]) -> None:
     axes.plot(x, power, color=COLOURS[1], linestyle="--", label="oracle")
     axes.plot(x, right, color=COLOURS[2], linewidth=0.9, label="named, alone")
     axes.errorbar(
-        x, middle, bars, color=COLOURS[0], marker="o", ms=3, capsize=2, label="named"
+        x,
+        middle,
+        bars,
+        color=COLOURS[0],
+        marker="o",
+        ms=3,
+        elinewidth=0.8,
+        capsize=2,
+        label="named",
     )
     axes.set_xscale("log")
     axes.set_xticks(x, keys)
