@@ -261,8 +261,11 @@ def cost_figure(curves: dict[str, dict[str, Any]]) -> Figure:
     left, right = figure.subplots(1, 2)
     draw(left, curves["samples"], "as it is (thinned)", COLOURS[0])
     draw(left, curves["unthinned"], "every sample", COLOURS[1])
+    left.set_xticks(curves["samples"]["counts"], curves["samples"]["counts"])
+    left.tick_params(axis="x", labelrotation=45)
     left.set_xlabel(f"samples in each of {RECORDINGS} recordings")
     draw(right, curves["effects"], "", COLOURS[0])
+    right.set_xticks(curves["effects"]["counts"], curves["effects"]["counts"])
     right.set_xlabel("effects to choose from")
     left.set_ylabel("seconds a case")
     return figure
@@ -274,7 +277,10 @@ def draw(axes: Axes, curve: dict[str, Any], name: str, colour: str) -> None:
     axes.loglog(
         curve["counts"], curve["seconds"], color=colour, marker="o", ms=3, label=label
     )
-    axes.set_ylim(bottom=min(0.3, 0.8 * min(curve["seconds"])))
+    low, high = axes.get_ylim()
+    seconds = [s for s in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if low < s < high]
+    axes.set_yticks(seconds, [f"{s:g}" for s in seconds])
+    axes.minorticks_off()
     axes.legend(fontsize=7)
 
 

@@ -1,0 +1,398 @@
+"""One page on what was concealed, what was found, what was not, and why.
+
+`python -m studies.proof` writes docs/proof.md, and its figures, from the JSON files in
+studies/results alone; what has not been run is said to be so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from studies.common import (
+    COLOURS,
+    FAINT,
+    RESULTS,
+    RUNS,
+    guarded,
+    markdown,
+    new_figure,
+    parser,
+    percent,
+)
+from studies.concealed.orders import NAMES
+from studies.cost import cost_figure
+from studies.limits_report import curve
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+COMMANDS = {  # of the result files the page is made of
+    "concealed": "python -m studies.concealed",
+    "limits": "python -m studies.limits",
+    "rivals": "python -m studies.rivals",
+    "recordings": "python -m studies.recordings",
+    "cost": "python -m studies.cost",
+}
+MOST_CAUSES = 12
+DPI = 100  # small files: the figures lie in the repository
+
+Result = Mapping[str, Any]
+
+
+class Page:
+    """Text and figures of the page, in their order."""
+
+    def __init__(self, results: Path, folder: Path) -> None:
+        self.results, self.folder = results, folder
+        self.parts: list[str] = []
+
+    def result(self, name: str) -> Result | None:
+        file = self.results / f"{name}.json"
+        return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+
+    def say(self, *paragraphs: str) -> None:
+        self.parts += [p for p in paragraphs if p]
+
+    def figure(self, name: str, figure: Figure, about: str) -> None:
+        place = self.folder / "figures"
+        place.mkdir(parents=True, exist_ok=True)
+        figure.savefig(place / f"{name}.png", dpi=DPI)
+        self.say(f"![{about}](figures/{name}.png)")
+
+    def section(
+        self, title: str, name: str, write: Callable[[Page, Result], None]
+    ) -> None:
+        """A section from one result, or that there is none."""
+        self.say(f"## {title}")
+        found = self.result(name)
+        if found is None:
+            self.say(f"Not run: `{COMMANDS[name]}`.")
+        else:
+            write(self, found)
+
+    def write(self) -> Path:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path = self.folder / "proof.md"
+        path.write_text("\n\n".join(self.parts) + "\n", encoding="utf-8")
+        return path
+
+
+def share(entry: Mapping[str, Any] | None) -> str | None:
+    """A rate with its interval.
+
+    >>> share({"rate": 0.5, "low": 0.25, "high": 0.75, "of": 8})
+    '50 % (25 to 75)'
+    """
+    if not entry or entry.get("rate") is None or not entry.get("of"):
+        return None
+    low, high = (f"{100 * entry[k]:.0f}" for k in ("low", "high"))
+    return f"{percent(entry['rate'], 0)} ({low} to {high})"
+
+
+def strength_of(trial: Result) -> float:
+    return float(trial["record"]["strength"])
+
+
+def trials_of(found: Result) -> list[Result]:
+    """Trials of a file, the strongest first."""
+    return sorted(found["trials"].values(), key=strength_of, reverse=True)
+
+
+# --- concealed cases ------------------------------------------------------------------
+
+
+def concealed(page: Page, found: Result) -> None:
+    trials = trials_of(found)
+    for t in trials:
+        record = t["record"]
+        groups = ", ".join(f"{g['of']} {name}" for name, g in t["groups"].items())
+        page.say(
+            f"Strength {record['strength']:g}, seed {record['seed']}: "
+            f"{record['cases']} cases ({groups}); SHA-256 of the key, on file before "
+            f"anything was diagnosed: `{record['key_sha256'][:16]}...`."
+        )
+    page.say("### What was found", bars_table(trials))
+    for t in trials:
+        page.say(hidden_sentence(t))
+    page.figure("proof-concealed", concealed_figure(trials), "right and alone")
+    page.say("### What was not found, and why")
+    for t in trials:
+        page.say(causes_table(t))
+
+
+def bars_table(trials: Sequence[Result]) -> str:
+    """Every bar, a column a strength."""
+    keys = {b["key"]: b for t in reversed(trials) for b in t["bars"]}
+    rows = []
+    for key, about in keys.items():
+        row = [about["what"]]
+        for t in trials:
+            bar = next((b for b in t["bars"] if b["key"] == key), None)
+            if bar is None or bar.get("rate") is None:
+                row += [None, None]
+                continue
+            value = share(bar) if "low" in bar else f"{bar['rate']:.3g}"
+            row += [value, f"{bar['bar']:g}, {'met' if bar['met'] else 'missed'}"]
+        rows.append(row)
+    heads = [h for t in trials for h in (f"strength {strength_of(t):g}", "bar")]
+    return markdown(["what", *heads], rows)
+
+
+def hidden_sentence(trial: Result) -> str:
+    hidden = trial.get("concealment")
+    if not hidden or "single" not in hidden["groups"]:
+        return ""
+    one, limit = hidden["groups"]["single"], hidden["accepted_below_nrmse"]
+    return (
+        f"At strength {strength_of(trial):g} the base alone, refitted, is within "
+        f"{percent(limit, 0)} of the recordings in {one['accepted']['right']} of "
+        f"{one['accepted']['of']} cases with one effect: a fit that would be accepted "
+        f"by eye. In those the effect was named in {share(one['named'])}, and nothing "
+        f"else with it in {share(one['right'])}."
+    )
+
+
+def concealed_figure(trials: Sequence[Result]) -> Figure:
+    """Share of cases named right and alone, effect by effect, with intervals."""
+    figure = new_figure(6.4, 4.4)
+    axes = figure.subplots()
+    for i, t in enumerate(trials):
+        entries = [(n, t["effects"][n]) for n in NAMES if n in t["effects"]]
+        y = [NAMES.index(n) + 0.16 * (2 * i - len(trials) + 1) for n, _ in entries]
+        x = [e["rate"] for _, e in entries]
+        bars = [
+            [e["rate"] - e["low"] for _, e in entries],
+            [e["high"] - e["rate"] for _, e in entries],
+        ]
+        axes.errorbar(
+            x,
+            y,
+            xerr=bars,
+            fmt="o",
+            ms=4,
+            color=COLOURS[i % len(COLOURS)],
+            elinewidth=0.8,
+            label=f"strength {strength_of(t):g}",
+        )
+    axes.set_yticks(range(len(NAMES)), [n.replace("_", " ") for n in NAMES])
+    axes.set_ylim(len(NAMES) - 0.5, -0.5)
+    axes.set_xlim(-0.02, 1.02)
+    axes.set_xlabel("cases in which the effect was named, and nothing else")
+    axes.grid(axis="x", color=FAINT, alpha=0.3, linewidth=0.6)
+    figure.legend(loc="outside lower center", ncols=len(trials), fontsize=8)
+    return figure
+
+
+def causes_table(trial: Result) -> str:
+    """Misses by what was planted and why, the most frequent first."""
+    counts = Counter(
+        (
+            "two effects" if m["group"] == "pair" else m["effects"] or m["group"],
+            m["cause"],
+        )
+        for m in trial["misses"]
+    )
+    if not counts:
+        return f"At strength {strength_of(trial):g} nothing was missed."
+    shown = counts.most_common(MOST_CAUSES)
+    rest = sum(counts.values()) - sum(n for _, n in shown)
+    rows: list[list[Any]] = [[what, why, n] for (what, why), n in shown]
+    if rest:
+        rows.append(["others", "one or few of a kind", rest])
+    return markdown([f"planted, strength {strength_of(trial):g}", "why", "cases"], rows)
+
+
+# --- detection limits -----------------------------------------------------------------
+
+
+def limits(page: Page, found: Result) -> None:
+    head, grid = found["headline"], found["record"]["grid"]
+    levels = ", ".join(str(percent(v, 1)) for v in grid["levels"])
+    page.say(
+        f"{found['record']['cases']} cases: {len(grid['effects'])} effects, strengths "
+        f"{', '.join(f'{s:g}' for s in grid['strengths'])}, noise of {levels} of the "
+        f"stress range, {', '.join(grid['colours'])}, {grid['cases']} cases a cell. "
+        "The oracle is the likelihood-ratio test that is told the true form, the "
+        "programme and the noise. Averaged over strengths softnn names "
+        f"{head['power_ratio_mean']:.2f} of what the oracle sees; "
+        f"{head['effects_at_bar']} of {head['effects']} effects are at "
+        f"{head['power_ratio_bar']:g} or more."
+    )
+    page.figure("proof-limits", limits_figure(found["effects"]), "detection limits")
+    page.say(limits_table(found["effects"]))
+    rows = [
+        [
+            colour,
+            share(n["false_alarm"]),
+            n["false_alarm"]["of"],
+            percent(head["false_alarm_bar"], 0),
+            "; ".join(f"{k} ({v})" for k, v in n["said"].items()) or None,
+        ]
+        for colour, n in found["nulls"].items()
+    ]
+    page.say(
+        markdown(
+            ["noise of nulls", "false alarms", "cases", "at most", "what was said"],
+            rows,
+        )
+    )
+
+
+def limits_table(effects: Result) -> str:
+    def short(value: float | None) -> str | None:
+        return None if value is None else f"{value:.2g}"
+
+    rows = []
+    for name, e in effects.items():
+        instead = list(e["visible_but_missed"].items())[:2]
+        rows.append(
+            [
+                name,
+                f"{e['ratio']:.2f} ({e['ratio_low']:.2f} to {e['ratio_high']:.2f})",
+                short(e["smallest_strength"]),
+                short(e["smallest_signal"]),
+                short(e["oracle_smallest_signal"]),
+                "; ".join(f"{what} ({n})" for what, n in instead) or None,
+            ]
+        )
+    heads = ["effect", "named over the oracle", "90 % from strength"]
+    heads += ["from signal over noise", "the oracle's", "visible, yet said"]
+    return markdown(heads, rows)
+
+
+def limits_figure(effects: Result) -> Figure:
+    """A panel an effect: share named and the oracle's power against strength."""
+    columns = 5
+    count = -(-len(effects) // columns)
+    figure = new_figure(9.0, 1.5 * count + 0.4)
+    panels = figure.subplots(count, columns, sharex=True, sharey=True, squeeze=False)
+    for axes in panels.flat[len(effects) :]:
+        axes.set_axis_off()
+    for axes, (name, entry) in zip(panels.flat, effects.items(), strict=False):
+        curve(axes, entry["strengths"])
+        axes.set_title(name.replace("_", " "), fontsize=7)
+        axes.tick_params(labelsize=6)
+    handles, names = panels.flat[0].get_legend_handles_labels()
+    if len(effects) < panels.size:
+        panels.flat[-1].legend(handles, names, loc="center", fontsize=8)
+    else:
+        panels.flat[0].legend(handles, names, fontsize=6)
+    figure.supxlabel("strength", fontsize=8)
+    figure.supylabel("share of cases", fontsize=8)
+    return figure
+
+
+# --- the others -----------------------------------------------------------------------
+
+
+def rivals(page: Page, found: Result) -> None:
+    """What every method made of the same cases, and where softnn is beaten."""
+    heads = {
+        "right": "right and alone",
+        "accepted": "the same, base accepted by eye",
+        "alarms": "false alarms",
+        "wrong": "wrong name",
+        "heldout_nrmse": "held-out NRMSE",
+        "seconds": "s a case",
+    }
+    for t in trials_of(found):
+        rows = []
+        for name, row in t["table"].items():
+            cells: list[str | None] = [name]
+            for key in heads:
+                entry = row.get(key)
+                if isinstance(entry, Mapping):
+                    cells.append(share(entry))
+                elif entry is None:
+                    cells.append(None)
+                elif key == "heldout_nrmse":
+                    cells.append(percent(entry))
+                else:
+                    cells.append(f"{entry:.2g}")
+            rows.append(cells)
+        page.say(
+            markdown([f"strength {strength_of(t):g}", *heads.values()], rows),
+            beaten(t.get("wins", []), heads),
+        )
+
+
+def beaten(wins: Sequence[Mapping[str, Any]], heads: Mapping[str, str]) -> str:
+    if not wins:
+        return "No rival is better in any column."
+    parts = [
+        f"{w['rival']} ({heads.get(w['column'], w['column'])}, "
+        f"{w['rival_value']:.3g} against {w['softnn_value']:.3g})"
+        for w in wins
+    ]
+    return "Better than softnn: " + "; ".join(parts) + "."
+
+
+def plain_headline(page: Page, found: Result) -> None:
+    """A result of which only the headline is known here."""
+    rows = [
+        [name, f"{v:.3g}" if isinstance(v, float) else v]
+        for name, v in found["headline"].items()
+    ]
+    page.say(markdown(["what", "found"], rows))
+
+
+def cost(page: Page, found: Result) -> None:
+    head = found["headline"]
+
+    def short(key: str, digits: int = 2) -> str:
+        return "-" if head.get(key) is None else f"{head[key]:.{digits}f}"
+
+    page.say(
+        "A case of 7 recordings of 1000 samples takes "
+        f"{short('seconds_of_7_by_1000', 1)} s ({found['machine']}). On log-log axes "
+        f"the seconds grow with a slope of {short('slope_samples')} with samples, "
+        f"{short('slope_samples_unthinned')} when every sample is used, and "
+        f"{short('slope_effects')} with the effects to choose from. The search looks "
+        f"at no more than {head['search_samples']} samples a recording, figures and "
+        f"errors at no more than {head['report_samples']}."
+    )
+    page.figure("proof-cost", cost_figure(dict(found["curves"])), "seconds a case")
+
+
+# --- the command ----------------------------------------------------------------------
+
+
+def make(results: Path, folder: Path) -> Path:
+    """Write the page from the results; its path."""
+    page = Page(results, folder)
+    page.say(
+        "# The proof",
+        "Made by `python -m studies.proof` from `studies/results`; no number here is "
+        "typed. In brackets are 95 % intervals (Wilson for shares).",
+    )
+    page.section("What was concealed", "concealed", concealed)
+    page.section("How small it may be", "limits", limits)
+    page.section("Other methods on the same cases", "rivals", rivals)
+    page.section("Real recordings", "recordings", plain_headline)
+    page.section("What it costs", "cost", cost)
+    return page.write()
+
+
+def make_parser() -> argparse.ArgumentParser:
+    p = parser("proof", __doc__)
+    p.add_argument("--results", type=Path, default=RESULTS, help="where the JSON lies")
+    p.add_argument("--out", type=Path, help="folder of the page (docs)")
+    return p
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.proof`; returns the exit code."""
+    a = make_parser().parse_args(argv)
+    folder = a.out or (RUNS / "smoke" / "docs" if a.smoke else DOCS)
+    return guarded(lambda: print(f"written to {make(a.results, folder)}"))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

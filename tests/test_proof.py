@@ -1,0 +1,161 @@
+"""The page of the proof says what the result files say, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from studies import cost, limits_report, proof
+from studies.common import plain
+from studies.concealed.scoring import Rate
+
+
+def write(folder: Path, name: str, content: dict) -> None:
+    folder.mkdir(exist_ok=True)
+    (folder / f"{name}.json").write_text(json.dumps(plain(content)))
+
+
+def trial(strength: float, right: int) -> dict:
+    one, none = Rate(right, 40).entry(), Rate(0, 0).entry()
+    hidden = {"accepted": Rate(31, 40).entry(), "named": Rate(29, 31).entry()}
+    return {
+        "record": {
+            "strength": strength,
+            "seed": 10007,
+            "cases": 61,
+            "key_sha256": "abcdef0123456789" * 4,
+        },
+        "groups": {"single": one, "null": Rate(20, 21).entry()},
+        "bars": [
+            {"key": "a", "what": "one effect", "bar": 0.95, "met": False, **one},
+            {"key": "b", "what": "two", "bar": 0.85, "met": None, **none},
+            {"key": "c", "what": "F1", "bar": 0.8, "met": True, "rate": 0.87654},
+        ],
+        "effects": {"slack": one},
+        "concealment": {
+            "accepted_below_nrmse": 0.05,
+            "groups": {"single": {**hidden, "right": Rate(28, 31).entry()}},
+        },
+        "misses": [
+            {"effects": "slack", "group": "single", "cause": "nothing named"},
+            {"effects": "", "group": "null", "cause": "something named"},
+            {"effects": "slack+inertia", "group": "pair", "cause": "one found"},
+        ],
+    }
+
+
+def limits_found() -> dict:
+    rows = [
+        {
+            "effect": effect,
+            "strength": strength,
+            "level": 0.005,
+            "colour": "white",
+            "number": number,
+            "verdict": "explained" if named else "nothing_missing",
+            "selected": [effect] if named else [],
+            "named": named,
+            "right": named or effect == "null",
+            "oracle": None if effect == "null" else 0.95,
+            "energy": None if effect == "null" else 1000 * strength**2,
+            "samples": 1000,
+            "seconds": 1.0,
+            "error": None,
+        }
+        for effect in ("slack", "null")
+        for strength in (0.1, 1.0)
+        for number in range(4)
+        for named in [effect != "null" and strength > number * 0.3]
+    ]
+    found = limits_report.summarise(rows)
+    grid = {"effects": ["slack"], "strengths": [0.1, 1.0], "levels": [0.005]}
+    record = {"grid": grid | {"colours": ["white"], "cases": 4}, "cases": 16}
+    return {"headline": limits_report.headline_of(found), "record": record, **found}
+
+
+def cost_found() -> dict:
+    rows = [
+        {"curve": c, "planted": "", "count": n, "seconds": 0.004 * n, "read_s": 0.1}
+        for c in ("samples", "unthinned", "effects")
+        for n in (500, 1000)
+    ]
+    curves = {c: cost.curve_of(rows, c) for c in ("samples", "unthinned", "effects")}
+    headline = {
+        "seconds_of_7_by_1000": 4.0,
+        "slope_samples": 0.43,
+        "slope_samples_unthinned": 0.98,
+        "slope_effects": None,
+        "search_samples": 1000,
+        "report_samples": 6000,
+    }
+    return {"headline": headline, "machine": "x, 2 cores", "curves": curves}
+
+
+def rivals_found() -> dict:
+    row = {"right": Rate(3, 4).entry(), "alarms": None, "heldout_nrmse": 0.0123}
+    trial = {
+        "record": {"strength": 1},
+        "table": {"softnn": row, "bic": {**row, "right": Rate(4, 4).entry()}},
+        "wins": [
+            {"rival": "bic", "column": "right", "rival_value": 1, "softnn_value": 0.75}
+        ],
+    }
+    return {"trials": {"strength-1": trial}}
+
+
+def test_nothing_has_been_run(tmp_path):
+    text = proof.make(tmp_path / "results", tmp_path / "docs").read_text()
+    for command in proof.COMMANDS.values():
+        assert f"Not run: `{command}`." in text
+    assert "![" not in text
+
+
+def test_the_page_quotes_the_results(tmp_path):
+    results, docs = tmp_path / "results", tmp_path / "docs"
+    write(results, "concealed", {"trials": {"x": trial(0.3, 34), "y": trial(1.0, 37)}})
+    write(results, "limits", limits_found())
+    write(results, "cost", cost_found())
+    write(results, "rivals", rivals_found())
+    write(results, "recordings", {"headline": {"foam/nrmse": 0.0371, "sets": 12}})
+    text = proof.make(results, docs).read_text()
+    assert "Not run" not in text
+    cells = [re.sub(r" +", " ", line) for line in text.splitlines()]
+    # 37 and 34 of 40, the stronger first.
+    found = ("one effect", "92 % (80 to 97)", "85 % (71 to 93)")
+    assert "| {} | {} | 0.95, missed | {} | 0.95, missed |".format(*found) in cells
+    assert "| F1 | 0.877 | 0.8, met | 0.877 | 0.8, met |" in cells
+    assert "| two | - | - | - | - |" in cells
+    assert "in 31 of 40 cases with one effect" in text
+    assert "named in 94 % (79 to 98)" in text
+    assert "`abcdef0123456789...`" in text
+    assert "| two effects | one found | 1 |" in cells
+    # All four at strength 1, one at 0.1: 5 of 8, over a power of 0.95.
+    assert any(c.startswith("| slack | 0.66 (") for c in cells)
+    assert "names 0.66 of what the oracle sees; 0 of 1 effects" in text
+    assert "takes 4.0 s (x, 2 cores)" in text
+    assert "0.98 when every sample is used, and - with the effects" in text
+    assert "Better than softnn: bic (right and alone, 1 against 0.75)." in text
+    assert "| softnn | 75 % (30 to 95) | - | - | - | 1.23 % | - |" in cells
+    assert "| foam/nrmse | 0.0371 |" in cells
+    shown = re.findall(r"!\[.+?\]\((.+?)\)", text)
+    assert len(shown) == 3
+    assert all((docs / s).stat().st_size > 3000 for s in shown)
+    again = tmp_path / "again"
+    assert proof.make(results, again).read_text() == text
+    for s in shown:  # the same results are the same files
+        assert (again / s).read_bytes() == (docs / s).read_bytes()
+
+
+@pytest.mark.parametrize("missing", ["concealment", "effects"])
+def test_older_results_are_read_too(missing, tmp_path):
+    one = trial(1.0, 37)
+    if missing == "concealment":
+        del one["concealment"]
+    else:
+        one["effects"] = {}
+    write(tmp_path / "results", "concealed", {"trials": {"y": one}})
+    text = proof.make(tmp_path / "results", tmp_path).read_text()
+    assert ("accepted by eye" in text) == (missing != "concealment")
