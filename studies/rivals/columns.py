@@ -7,7 +7,7 @@ picks a column has picked an effect.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -211,16 +211,26 @@ def starts(problem: Problem, law: Effect) -> list[Piece]:
     return out
 
 
-def shares(parts: Array, names: Iterable[str]) -> dict[str, float]:
-    """Squares of the parts (n, m) of an account summed by name, as shares of all.
+def shares(x: Array, target: Array, names: Sequence[str]) -> dict[str, float]:
+    """How much worse (n, m) columns account for the target without those of a name.
 
-    Parts of one name are added before they are squared: two columns of one effect may
-    pull against each other.
+    As shares of all such losses: columns that lean on each other may have coefficients
+    of any size, so sizes say nothing.
     """
-    by: dict[str, Array] = {}
-    for part, name in zip(parts.T, names, strict=True):
-        by[name] = by.get(name, 0.0) + part
-    return normalised({n: float(p @ p) for n, p in by.items()})
+    gram, right = x.T @ x, x.T @ target
+    whose = np.array(names, dtype=object)
+
+    def gone(kept: NDArray[np.bool]) -> float:
+        if not kept.any():
+            return 0.0
+        part = gram[np.ix_(kept, kept)]
+        part = part + np.diag(1e-9 * np.diag(part) + 1e-300)
+        return float(right[kept] @ np.linalg.solve(part, right[kept]))
+
+    whole = gone(np.ones(len(names), bool))
+    return normalised(
+        {n: max(whole - gone(whose != n), 0.0) for n in sorted(set(names))}
+    )
 
 
 def normalised(sizes: Mapping[str, float]) -> dict[str, float]:

@@ -61,7 +61,7 @@ METHODS: tuple[Method, ...] = (
         equations.symbolic,
         ("features", "folds"),
         "pyoperon",
-        options=({"length": 10}, {"length": 20}),
+        options=({"length": 15},),
     ),
     Method(
         "lars",

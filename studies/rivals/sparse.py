@@ -64,7 +64,7 @@ def account(problem: Problem, book: columns.Dictionary) -> Found:
     after = folds.squares(engine, made)
     left = screen.residual - x @ weights
     return Found(
-        columns.shares(x * weights, book.effects),
+        columns.shares(x, screen.residual, book.effects),
         1 - after / max(before, 1e-300),
         explained(
             float(screen.residual @ screen.residual), float(left @ left), len(left)

@@ -35,7 +35,7 @@ GRID = tuple(
         (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98),
     )
 )
-PREDICTED = 8  # cases at each strength for methods that only predict, and slowly
+PREDICTED = 3  # cases at each strength for methods that only predict, and slowly
 GROUPS = ("single", "null", "unlisted")
 
 
@@ -85,17 +85,16 @@ def run(a: argparse.Namespace) -> None:
             sealing.write_cases(plan, folder)
             for n, key in enumerate(tqdm(sealing.open_key(folder), unit="case")):
                 some = [m for m in wanted if m.names or n < PREDICTED]
-                looked.append(
-                    case(folder / "cases" / key["case"], key, wanted, lessons)
-                )
+                looked.append(case(folder / "cases" / key["case"], key, some, lessons))
     chosen = {m.name: choose(m, looked) for m in wanted}
     path = home / "tuned.json" if a.smoke else methods.TUNED
     kept = json.loads(path.read_text())["methods"] if path.exists() else {}
-    content = {
+    about = {
         "seeds": [a.seed + i for i in range(len(STRENGTHS))],
+        "strengths": list(STRENGTHS),
         "cases": len(looked),
-        "methods": kept | chosen,
     }
+    content = {"methods": kept | {n: c | about for n, c in chosen.items()}}
     path.write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
     for name, one in chosen.items():
         print(name, one)
