@@ -1,0 +1,133 @@
+"""Faults of a rig or a channel, made in copies of real recordings.
+
+The specimen goes through what it went through; what changes is what the machine says
+about it. So a gap is strain that the machine counts before the specimen is taut, and a
+slip is strain that it counts and the specimen does not see. Sizes are in the middle of
+what concealed cases of strength 1 have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from softnn.mismatch import Case
+from softnn.recording import Recording
+from studies.recordings.groups import amplitude, first_turn
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault: the effect that stands for it, how it is made, and in which recordings.
+
+    `make` takes a recording, the size, and the largest stress of the case. `share` of
+    the recordings have it (rounded, at least one); with `own_scale` it cannot be seen
+    where each recording has a scale of its own.
+    """
+
+    effect: str
+    make: Callable[[Recording, float, float], Recording]
+    share: float
+    says: str
+    own_scale: bool = False
+
+
+def peak(recording: Recording) -> float:
+    return float(np.nanquantile(np.abs(recording.stress_MPa), 0.998))
+
+
+def side(recording: Recording) -> float:
+    strain = recording.strain
+    return float(np.sign(strain[np.nanargmax(np.abs(strain))]))
+
+
+def slack(recording: Recording, size: float, top: float) -> Recording:
+    gap = 0.05 * size * amplitude(recording)
+    time, strain = recording.time_s, recording.strain
+    step = float(np.median(np.diff(time)))
+    reach = max(first_turn(recording) - 1, 1)
+    speed = amplitude(recording) / max(time[reach] - time[0], step)
+    lead = np.arange(0.0, gap / speed, step)  # taking up the gap
+    quiet = np.zeros(len(lead))
+    return Recording(
+        np.concatenate([lead, time - time[0] + gap / speed]),
+        np.concatenate(
+            [side(recording) * speed * lead, strain + side(recording) * gap]
+        ),
+        np.concatenate([quiet + recording.stress_MPa[0], recording.stress_MPa]),
+        name=recording.name,
+        specimen=recording.specimen,
+        test=recording.test,
+    )
+
+
+def offset(recording: Recording, size: float, top: float) -> Recording:
+    return changed(recording, recording.stress_MPa + 0.055 * size * peak(recording))
+
+
+def clip(recording: Recording, size: float, top: float) -> Recording:
+    limit = (1 - 0.22 * size) * top  # one load cell, one limit
+    return changed(recording, np.clip(recording.stress_MPa, -limit, limit))
+
+
+def lag(recording: Recording, size: float, top: float) -> Recording:
+    """First order; 0.25 s, or a fiftieth of the first loading where that is longer."""
+    time = recording.time_s
+    loading = time[first_turn(recording) - 1] - time[0]
+    constant = size * max(0.25, 0.02 * loading)
+    out = np.array(recording.stress_MPa)
+    for i in range(1, len(out)):
+        gone = 1 - np.exp(-(time[i] - time[i - 1]) / constant)
+        middle = 0.5 * (recording.stress_MPa[i] + recording.stress_MPa[i - 1])
+        if np.isfinite(middle) and np.isfinite(out[i - 1]):
+            out[i] = out[i - 1] + gone * (middle - out[i - 1])
+    return changed(recording, out)
+
+
+def drift(recording: Recording, size: float, top: float) -> Recording:
+    """One peak stress an hour, or a twelfth of one by the end of a short recording."""
+    time = recording.time_s - recording.time_s[0]
+    speed = size * max(1 / 3600, 0.08 / time[-1]) * peak(recording)
+    return changed(recording, recording.stress_MPa + speed * time)
+
+
+def gain(recording: Recording, size: float, top: float) -> Recording:
+    return changed(recording, recording.stress_MPa * (1 + 0.105 * size))
+
+
+def slip(recording: Recording, size: float, top: float) -> Recording:
+    """A tenth of the largest strain, at seven tenths of the first loading."""
+    time = recording.time_s
+    moment = 0.7 * (time[first_turn(recording) - 1] - time[0])
+    slid = np.clip((time - time[0] - moment) / max(0.02 * moment, 1e-9), 0, 1)
+    jump = side(recording) * 0.1 * size * amplitude(recording) * slid
+    return recording.with_step("slip", {"size": size}, strain=recording.strain + jump)
+
+
+def changed(recording: Recording, stress: np.ndarray) -> Recording:
+    return recording.with_step("made fault", stress_MPa=stress)
+
+
+FAULTS = {
+    "slack": Fault("slack", slack, 0.5, "a gap of 5 % of the largest strain"),
+    "offset": Fault("zero_offset", offset, 0.34, "5.5 % of the peak stress"),
+    "clip": Fault("load_cell_saturation", clip, 1.0, "at 78 % of the peak stress"),
+    "lag": Fault("sensor_lag", lag, 1.0, "0.25 s, or 2 % of the first loading"),
+    "drift": Fault("load_cell_drift", drift, 1.0, "one peak an hour, 8 % at least"),
+    "gain": Fault("gain_error", gain, 0.34, "10.5 %", own_scale=True),
+    "slip": Fault("grip_slip", slip, 0.34, "10 % of the largest strain"),
+}
+
+
+def faulty(case: Case, fault: Fault, size: float, rng: np.random.Generator) -> Case:
+    """A copy of the case with the fault in `share` of its recordings, drawn."""
+    count = len(case.recordings)
+    chosen = rng.permutation(count)[: max(1, round(fault.share * count))]
+    top = max(peak(r) for r in case.recordings)
+    made = tuple(
+        fault.make(r, size, top) if i in chosen else r
+        for i, r in enumerate(case.recordings)
+    )
+    return Case(case.name, made, specimen=case.specimen)
