@@ -30,9 +30,9 @@ STRENGTHS = (1.0, 0.3)
 GRID = tuple(
     Rule(share, least, enough)
     for share, least, enough in itertools.product(
-        (0.02, 0.05, 0.1, 0.2, 0.3, 0.5),
+        (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9),
         (-1.0, 0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9),
-        (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98),
+        (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99),
     )
 )
 PREDICTED = 3  # cases at each strength for methods that only predict, and slowly
