@@ -38,10 +38,10 @@ from softnn.contracts import InputError
 from studies.common import RUNS, guarded, parser
 from studies.concealed import orders, scoring, sealing
 from studies.concealed.noises import LEVELS
+from studies.limits_report import CORRELATION_S, report
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
-# Correlation times [s]; at the usual intervals neighbours correlate by 0, 0.5 and 0.9.
-COLOURS = {"white": 0.0, "short": 0.1, "long": 1.0}
+COLOURS = CORRELATION_S  # [s], by name
 NULL = "null"
 HERE = Path(__file__).parent
 
@@ -137,9 +137,17 @@ def row_of(
         "energy": planted.get("energy"),
         "samples": sum(r["samples"] for r in answer["recordings"]),
         "base_nrmse": scoring.base_nrmse(answer, found),
+        "sigma_over_true": noise_ratio(answer, found),
+        "correlation_s": found.get("noise", {}).get("correlation_time_s"),
         "seconds": found.get("seconds"),
         "error": error,
     }
+
+
+def noise_ratio(answer: Mapping[str, Any], found: Mapping[str, Any]) -> float | None:
+    """The noise as the diagnosis read it off, over the true one."""
+    sigma = found.get("noise", {}).get("sigma_MPa")
+    return None if sigma is None else float(sigma) / answer["noise"]["sigma_MPa"]
 
 
 def outcomes(
@@ -275,8 +283,6 @@ def grid_of(a: argparse.Namespace) -> Grid:
 
 
 def run(a: argparse.Namespace) -> None:
-    from studies.limits_report import report
-
     grid = grid_of(a)
     home = RUNS / "smoke" if a.smoke else RUNS
     code = code_of()

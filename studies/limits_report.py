@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# Correlation times [s]; at the usual intervals neighbours correlate by 0, 0.5 and 0.9.
+CORRELATION_S = {"white": 0.0, "short": 0.1, "long": 1.0}
 WANTED = 0.9  # share of cases from which an effect counts as named
 SEEN = 0.9  # oracle power from which a case not named is a miss of the diagnosis
 RATIO_BAR, ALARM_BAR, ALARM_BOUND = 0.8, 0.02, 0.04
@@ -49,6 +51,10 @@ def summarise(rows: Sequence[Mapping[str, Any]], seed: int = 0) -> dict[str, Any
             for colour, part in table[table.effect == "null"].groupby(
                 "colour", sort=False
             )
+        },
+        "noise": {
+            str(colour): of_noise(part)
+            for colour, part in table.groupby("colour", sort=False)
         },
         "errors": dict(Counter(e for e in table.error if e)),
         "seconds_a_case": float(table.seconds.median()),
@@ -166,6 +172,18 @@ def of_nulls(part: pd.DataFrame) -> dict[str, Any]:
     }
 
 
+def of_noise(part: pd.DataFrame) -> dict[str, Any]:
+    """The noise as the diagnoses read it off: everything is weighed by it."""
+
+    def spread(column: str) -> dict[str, float]:
+        values = part[column].dropna().astype(float)
+        low, middle, high = np.quantile(values, [0.1, 0.5, 0.9])
+        return {"low": float(low), "median": float(middle), "high": float(high)}
+
+    columns = ("sigma_over_true", "correlation_s")
+    return {c: spread(c) for c in columns if c in part and part[c].notna().any()}
+
+
 # --- what is written ------------------------------------------------------------------
 
 
@@ -248,6 +266,7 @@ def as_markdown(found: Mapping[str, Any]) -> str:
                 for colour, n in found["nulls"].items()
             ],
         ),
+        noise_table(found["noise"]),
         markdown(
             ["visible to the oracle, not right", "said instead", "cases"],
             [
@@ -275,6 +294,29 @@ def colour_table(effects: Mapping[str, Any]) -> str:
         )
     heads = [f"over the oracle, {c}" for c in colours]
     return markdown(["effect", *heads, *(f"90 % from, {c}" for c in colours)], rows)
+
+
+def noise_table(noise: Mapping[str, Any]) -> str:
+    """What the diagnoses took the noise for, beside what it was."""
+
+    def told(entry: Mapping[str, float] | None) -> str | None:
+        if entry is None:
+            return None
+        return f"{entry['median']:.2f} ({entry['low']:.2f} to {entry['high']:.2f})"
+
+    heads = ["noise", "its correlation, s", "estimated, s (80 %)"]
+    return markdown(
+        [*heads, "size over the true one (80 %)"],
+        [
+            [
+                colour,
+                f"{CORRELATION_S[colour]:g}",
+                told(n.get("correlation_s")),
+                told(n.get("sigma_over_true")),
+            ]
+            for colour, n in noise.items()
+        ],
+    )
 
 
 def number(value: float | None) -> str | None:

@@ -27,7 +27,7 @@ from studies.common import (
 )
 from studies.concealed.orders import NAMES
 from studies.cost import cost_figure
-from studies.limits_report import curve
+from studies.limits_report import curve, noise_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -241,7 +241,9 @@ def limits(page: Page, found: Result) -> None:
         markdown(
             ["noise of nulls", "false alarms", "cases", "at most", "what was said"],
             rows,
-        )
+        ),
+        "Everything is weighed by the noise as it is read off the recordings:",
+        noise_table(found["noise"]),
     )
 
 

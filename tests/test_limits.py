@@ -93,6 +93,8 @@ def fake(order: orders.Order) -> dict:
         "energy": 4000 * order.strength**2 if single else None,
         "samples": 1000,
         "base_nrmse": 0.01,
+        "sigma_over_true": 1.0 if single else 0.5,
+        "correlation_s": order.correlation_s,
         "seconds": 2.0,
         "error": None,
     }
@@ -267,6 +269,10 @@ def test_shares_by_hand():
     assert found["nulls"]["long"]["false_alarm"]["right"] == 1
     assert found["nulls"]["long"]["false_name"]["right"] == 0
     assert found["nulls"]["long"]["said"] == {"unexplained": 1}
+    # 16 singles and 6 nulls: the nulls are the lowest tenth, and more.
+    sigma = found["noise"]["white"]["sigma_over_true"]
+    assert (sigma["low"], sigma["median"], sigma["high"]) == (0.5, 1.0, 1.0)
+    assert found["noise"]["long"]["correlation_s"]["median"] == 1.0
     headline = limits_report.headline_of(found)
     assert headline["false_alarm/long"] == pytest.approx(1 / 3)
     assert headline["effects_at_bar"] == 1
