@@ -1,0 +1,300 @@
+"""The study of real recordings: groups, splits, predictions, made faults, the command.
+
+Faults are checked by a second route: the effect that stands for a fault, applied to the
+faulty strain, must give the faulty stress.
+"""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+from softnn import Recording
+from softnn.contracts import Chunk
+from softnn.effects import effect
+from softnn.fit import Guess
+from softnn.mismatch import Case
+from softnn.mismatch.model_file import to_dict
+from softnn.models.units import Units
+from softnn.readers.tidy import data_folder
+from softnn.simulate import Term, simulate
+from studies.recordings import faults, groups, predict, sets, trial
+from studies.recordings.reporting import Row, agreement, fault_scores, met, wilson
+
+SPRING = Units("hooke", (0.0, 1.0))
+STIFFNESS = 2.0
+
+
+def triangle(name="a", rate=0.1, top=0.5, side=1.0, step=0.05, **about) -> Recording:
+    half = top / rate
+    time = np.arange(0, 2 * half + step / 2, step)
+    strain = side * np.interp(time, [0, half, 2 * half], [0, top, 0])
+    about.setdefault("test", "cyclic")
+    return Recording(time, strain, STIFFNESS * strain, name=name, **about)
+
+
+def second_route(name, recording, **values):
+    law = effect(name)
+    term = Term(law, law.defaults() | values)
+    chunk = Chunk(recording.time_s - recording.time_s[0], recording.strain)
+    return simulate(SPRING, [STIFFNESS], [term], [chunk])[0]
+
+
+# --- made faults ----------------------------------------------------------------------
+
+
+def test_made_slack_is_a_gap():
+    made = faults.slack(triangle(), 1.0, 1.0)
+    assert made.strain.max() == pytest.approx(0.5 * 1.05)
+    np.testing.assert_allclose(
+        made.stress_MPa, second_route("slack", made, gap=0.025), atol=1e-9
+    )
+
+
+def test_made_slip_is_a_slip():
+    made = faults.slip(triangle(), 1.0, 1.0)
+    moment = 0.7 * 5.0
+    told = second_route(
+        "grip_slip", made, slip=0.05, moment_s=moment, duration_s=0.02 * moment
+    )
+    np.testing.assert_allclose(made.stress_MPa, told, atol=1e-9)
+
+
+def test_made_lag_is_a_lag():
+    made = faults.lag(triangle(step=0.005), 1.0, 1.0)
+    told = second_route("sensor_lag", made, time_constant_s=0.25, second=0.0)
+    np.testing.assert_allclose(made.stress_MPa, told, atol=1e-4)
+
+
+def test_made_errors_of_the_channel_have_their_sizes():
+    plain = triangle()  # peak 1 MPa
+    peak = faults.peak(plain)
+    offset = faults.offset(plain, 1.0, peak).stress_MPa - plain.stress_MPa
+    np.testing.assert_allclose(offset, 0.055 * peak)
+    gain = faults.gain(plain, 1.0, peak).stress_MPa
+    np.testing.assert_allclose(gain, 1.105 * plain.stress_MPa)
+    drift = faults.drift(plain, 1.0, peak).stress_MPa - plain.stress_MPa
+    assert drift[-1] == pytest.approx(0.08 * peak)  # 10 s, too short for 1 an hour
+    clipped = faults.clip(plain, 1.0, peak).stress_MPa
+    assert clipped.max() == pytest.approx(0.78 * peak)
+    np.testing.assert_array_equal(
+        clipped[plain.stress_MPa < 0.7], plain.stress_MPa[plain.stress_MPa < 0.7]
+    )
+
+
+def test_faults_sit_in_their_share_and_the_original_stays():
+    case = Case("c", tuple(triangle(name=str(i)) for i in range(6)))
+    rng = np.random.default_rng(0)
+    made = faults.faulty(case, faults.FAULTS["offset"], 1.0, rng)
+    changed = [
+        not np.array_equal(a.stress_MPa, b.stress_MPa)
+        for a, b in zip(case.recordings, made.recordings, strict=True)
+    ]
+    assert sum(changed) == 2  # a third of six
+    assert all(r.stress_MPa[0] == 0 for r in case.recordings)
+
+
+def test_faults_are_scored_on_top_of_what_is_there():
+    rows = [
+        Row("s", "g", "fault", "b", selected=["mullins_softening"]),
+        Row("s", "g", "fault", "b", fault="lag", expected="sensor_lag",
+            selected=["mullins_softening", "sensor_lag"]),
+        Row("s", "g", "fault", "b", fault="slip", expected="grip_slip",
+            selected=["inertia"]),
+        Row("s", "h", "fault", "b", selected=["sensor_lag"]),
+        Row("s", "h", "fault", "b", fault="lag", expected="sensor_lag",
+            selected=["sensor_lag"]),
+    ]  # fmt: skip
+    scores = fault_scores(rows)
+    assert scores["found"]["of"] == 2  # a lag that was there before proves nothing
+    assert scores["found"]["rate"] == 0.5
+    assert scores["with_a_false_name"]["rate"] == 0.5
+    assert scores["copies"][1]["lost"] == ["mullins_softening"]
+
+
+def test_wilson_interval():
+    # Wilson 1927: the middle is drawn to a half, by z^2 more trials.
+    w = wilson(48, 50)
+    centre = (0.96 + 1.96**2 / 100) / (1 + 1.96**2 / 50)
+    assert (w["low"] + w["high"]) / 2 == pytest.approx(centre)
+    assert wilson(0, 0)["rate"] is None
+    assert wilson(0, 5)["low"] == 0
+
+
+# --- groups and splits ----------------------------------------------------------------
+
+
+def test_a_rate_between_others_is_held_out_and_two_rates_predict_each_other():
+    three = [triangle(str(r), r) for r in (0.01, 0.03, 0.0301, 0.05)]
+    (split,) = groups.splits(["rate"], three)
+    assert (split.fit, split.unseen, split.outside) == ((0, 3), (1, 2), False)
+    two = [triangle(str(r), r) for r in (0.01, 0.05)]
+    assert [(s.fit, s.unseen, s.outside) for s in groups.splits(["rate"], two)] == [
+        ((1,), (0,), True),
+        ((0,), (1,), True),
+    ]
+
+
+def test_three_of_five_specimens_are_fitted():
+    five = [triangle(str(i)) for i in range(5)]
+    (split,) = groups.splits(["specimen"], five)
+    assert (split.fit, split.unseen) == ((0, 1, 2), (3, 4))
+    assert groups.splits(["specimen"], five[:1]) == []
+
+
+def test_groups_come_from_names_and_monotonic_pulls_at_one_rate_are_left_out():
+    about = sets.About(group=r"^(.+)_t\d+$", tests=())
+    time = np.linspace(0, 5, 101)
+    pull = Recording(time, 0.1 * time, 0.2 * time, name="c_t1", test="")
+    given = [triangle(n, test="") for n in ("a_t1", "a_t2", "b_x_t1")] + [pull]
+    found = groups.divide("made", about, given)
+    assert [(g.name, len(g.recordings)) for g in found] == [("a", 2), ("b_x", 1)]
+    faster = Recording(time / 10, 0.1 * time, 0.2 * time, name="c_t2", test="")
+    found = groups.divide("made", about, [pull, faster])
+    assert [g.name for g in found] == ["c"]  # two rates tell something
+
+
+def test_first_loading_ends_at_the_first_turn():
+    recording = triangle(rate=0.1, side=-1.0)
+    assert groups.first_turn(recording) == 101
+    assert groups.rate(recording) == pytest.approx(0.1)
+    assert groups.amplitude(recording) == pytest.approx(0.5)
+    (cut,) = groups.first_loading(Case("c", (recording,))).recordings
+    assert cut.strain[-1] == pytest.approx(-0.5)
+    assert not groups.comes_back(cut)
+
+
+# --- predictions ----------------------------------------------------------------------
+
+
+def test_a_scale_for_each_unseen_specimen_is_free_and_its_shape_is_not():
+    model = to_dict(Guess(SPRING, np.array([STIFFNESS])), [], "fresh", False)
+    other = triangle("b")
+    bent = other.with_step("bent", stress_MPa=3.0 * other.strain + 0.1)
+    case = Case("c", (other.with_step("x", stress_MPa=3.0 * other.strain), bent))
+    models = {"before": model, "after": model}
+    free = predict.misses(models, case, True)
+    assert free["after"][0].sum() == pytest.approx(0, abs=1e-20)
+    assert free["after"][1].sum() > 0.01
+    fixed = predict.misses(models, case, False)
+    error = predict.summary(fixed, np.random.default_rng(0))
+    # (3 - 2) / 3 on the first; both recordings together by hand.
+    y = np.concatenate([r.stress_MPa for r in case.recordings])
+    s = STIFFNESS * np.concatenate([r.strain for r in case.recordings])
+    assert error["after"] == pytest.approx(np.sqrt(np.sum((y - s) ** 2) / np.sum(y**2)))
+    assert error["ratio"] == pytest.approx(1)
+    assert error["ratio_95"] == pytest.approx([1, 1])
+    low, high = error["after_95"]
+    assert low < error["after"] < high
+
+
+def test_only_the_samples_asked_for_count():
+    model = to_dict(Guess(SPRING, np.array([STIFFNESS])), [], "fresh", False)
+    recording = triangle()
+    wrong = np.array(recording.stress_MPa)
+    wrong[:50] = 9.0
+    case = Case("c", (recording.with_step("x", stress_MPa=wrong),))
+    later = [np.arange(len(recording)) >= 50]
+    found = predict.misses({"before": model, "after": model}, case, False, later)
+    assert found["after"].sum() == pytest.approx(0, abs=1e-20)
+
+
+def test_agreement_with_the_literature():
+    material = sets.Material(
+        (("finite_strain", "nonlinear_viscosity"), ("tension_only",)),
+        ("mullins_softening",),
+        bars={"nrmse": 0.035},
+    )
+    row = Row("s", "g", "split", "b", selected=["finite_strain", "tension_only"])
+    assert agreement(row, material)["agrees"] is True
+    row.unseen = {"after": 0.03, "ratio": 0.9}
+    assert met(row, material) is True
+    row.unseen["after"] = 0.036
+    assert met(row, material) is False
+    row.selected = ["mullins_softening", "tension_only"]
+    said = agreement(row, material)
+    assert said["missed"] == ["finite_strain or nonlinear_viscosity"]
+    assert said["named_though_absent"] == ["mullins_softening"]
+    row.kind = "monotonic"
+    assert agreement(row, material)["agrees"] is None
+
+
+def test_sets_cite_their_sources():
+    for name, about in sets.SETS.items():
+        for _, material in about.kinds:
+            assert material.says, name
+            assert all("doi:" in s or "arXiv:" in s for s in material.sources), name
+            known = {e for any_ in material.contains for e in any_} | {*material.absent}
+            for each in known:
+                assert effect(each)
+
+
+def test_a_device_is_read_as_stress_over_strain_about_its_middle(tmp_path):
+    time = np.arange(0, 40, 0.1)
+    x = 10 * (1 - np.cos(time / 4))
+    force = 50 + 8 * np.sign(np.gradient(x))  # air, and friction of 8 N
+    (tmp_path / "a.csv").write_text(
+        "time_s,elongation_mm,force_N\n"
+        + "".join(f"{t},{a},{b}\n" for t, a, b in zip(time, x, force, strict=True))
+    )
+    (tmp_path / "index.csv").write_text(
+        "file,material,test,specimen\na.csv,seal,cyclic,1\n"
+    )
+    (read,) = sets.read_device(tmp_path)
+    assert np.abs(read.stress_MPa[1:-1]).max() == pytest.approx(0.08)
+    assert read.strain.max() == pytest.approx(0.2, rel=1e-3)
+
+
+# --- the command ----------------------------------------------------------------------
+
+
+def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert trial.main(["--smoke"]) == 0
+    found = json.loads((tmp_path / "mlruns/smoke/results/recordings.json").read_text())
+    head = found["headline"]
+    assert head["groups_in_agreement"] == head["groups"] == 1
+    assert head["faults_found"] == 1.0
+    (split,) = [r for r in found["rows"] if r["kind"] == "split"]
+    assert split["unseen"]["ratio"] < 0.2
+    rows = (tmp_path / "mlruns/smoke/recordings/rows.jsonl").read_text().splitlines()
+    assert len(rows) == 5
+    assert "5 diagnoses, 0 of them at hand" in capsys.readouterr().out
+
+
+def test_without_recordings_it_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert trial.main(["--data", str(tmp_path)]) == 0
+    assert "no sets of recordings" in capsys.readouterr().out
+    assert not (tmp_path / "mlruns").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--bases", "steel"], "no base 'steel'"),
+        (["--samples", "5"], "--samples is 5"),
+        (["--size", "0"], "--size above 0"),
+    ],
+)
+def test_refusals_are_one_line(options, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert trial.main(options) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    "SOFTNN_DATA" not in os.environ, reason="SOFTNN_DATA: no real recordings"
+)
+def test_every_set_in_the_folder_is_divided_or_left_out_with_a_reason():
+    found, left_out = groups.discover(data_folder())
+    folders = {p.parent.name for p in data_folder().glob("*/index.csv")}
+    assert {g.set for g in found} | set(left_out) == folders
+    assert all(left_out.values())
+    for group in found:
+        for split in group.splits:
+            assert split.fit
+            assert split.unseen
+            assert not set(split.fit) & set(split.unseen)
