@@ -106,6 +106,34 @@ def rivals_found() -> dict:
     return {"trials": {"strength-1": trial}}
 
 
+def recordings_found() -> dict:
+    row = {
+        "set": "foam",
+        "group": "a",
+        "kind": "split",
+        "base": "pl-wiechert",
+        "split": "specimen",
+        "label": "4, 5",
+        "selected": ["mullins_softening"],
+        "verdict": "explained",
+        "missed": ["permanent_set"],
+        "named_though_absent": [],
+        "agrees": False,
+        "unseen": {"before": 0.21, "after": 0.0371},
+    }
+    head = {"groups": 12, "groups_judged": 9, "groups_in_agreement": 7}
+    head |= {"bars": 6, "bars_met": 5}
+    head |= {"cycles_from_first_loading_nrmse_before_median": 0.3}
+    head |= {"cycles_from_first_loading_nrmse_after_median": None}
+    faults = {
+        "by_fault": {"slack": Rate(9, 10).entry()},
+        "found": Rate(9, 10).entry(),
+        "with_a_false_name": Rate(0, 10).entry(),
+    }
+    rows = [row, {**row, "base": "hooke"}, {**row, "kind": "all", "unseen": {}}]
+    return {"headline": head, "rows": rows, "faults": faults}
+
+
 def test_nothing_has_been_run(tmp_path):
     text = proof.make(tmp_path / "results", tmp_path / "docs").read_text()
     for command in proof.COMMANDS.values():
@@ -119,7 +147,7 @@ def test_the_page_quotes_the_results(tmp_path):
     write(results, "limits", limits_found())
     write(results, "cost", cost_found())
     write(results, "rivals", rivals_found())
-    write(results, "recordings", {"headline": {"foam/nrmse": 0.0371, "sets": 12}})
+    write(results, "recordings", recordings_found())
     text = proof.make(results, docs).read_text()
     assert "Not run" not in text
     cells = [re.sub(r" +", " ", line) for line in text.splitlines()]
@@ -139,7 +167,13 @@ def test_the_page_quotes_the_results(tmp_path):
     assert "0.98 when every sample is used, and - with the effects" in text
     assert "Better than softnn: bic (right and alone, 1 against 0.75)." in text
     assert "| softnn | 75 % (30 to 95) | - | - | - | 1.23 % | - |" in cells
-    assert "| foam/nrmse | 0.0371 |" in cells
+    foam = "| foam a | specimen 4, 5 | mullins_softening | 21.00 % | 3.71 % |"
+    assert [c for c in cells if c.startswith("| foam a")] == [
+        foam + " no: no permanent_set |"
+    ]
+    assert "| slack | 90 % (60 to 98) | 10 |" in cells
+    assert "agree with it in 7. Of 6 groups with a bar 5 meet it" in text
+    assert "is missed by 30.00 % by the base and by - with" in text
     shown = re.findall(r"!\[.+?\]\((.+?)\)", text)
     assert len(shown) == 3
     assert all((docs / s).stat().st_size > 3000 for s in shown)
