@@ -30,6 +30,20 @@ def test_softening_is_that_of_ogden_and_roxburgh_for_a_power_law_energy(power):
     np.testing.assert_allclose(out, 2.0 * eta * strain, rtol=1e-12)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_wall_friction_is_a_share_of_the_load_up_and_down(side):
+    # Slid through, the load is (1 + mu) times that of the spring on the way out and
+    # (1 - mu) times on the way back, whichever way out is.
+    law = effect("friction_hysteresis", "WallFriction")
+    strain = side * np.concatenate([np.linspace(0, 0.6, 121), np.linspace(0.6, 0, 121)])
+    values = {"coefficient": 0.2, "presliding": 1e-3, "spread": 0.05}
+    chunk = Chunk(np.arange(242.0), strain)
+    out = simulate(SPRING, [2.0], [Term(law, values)], [chunk])[0]
+    ratio = out / np.where(strain == 0, 1.0, 2.0 * strain)
+    np.testing.assert_allclose(ratio[5:121], 1.2, rtol=1e-9)
+    np.testing.assert_allclose(ratio[126:-1], 0.8, rtol=1e-9)
+
+
 SET = {"ratio": 0.2, "exponent": 1.0, "yield_strain": 0.0, "on_return": 0.0}
 
 

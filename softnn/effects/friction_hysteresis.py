@@ -2,6 +2,7 @@ r"""Rate-independent friction inside the material or against the rig."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,8 @@ class FrictionHysteresis(Effect):
 
     friction F in MPa (half the height of the loop), presliding strain r; radii r_k are
     r times 1/8 to 8, weights w_k log-normal about 1 with `spread` in octaves, adding to
-    one; growth beta per unit of strain. Stop operators of Prandtl and Ishlinskii;
+    one; growth beta per unit of strain. What slides only after 15 % of strain is no
+    friction but an element that yields. Stop operators of Prandtl and Ishlinskii;
     Krasnosel'skii and Pokrovskii 1989, doi:10.1007/978-3-642-61302-9.
 
     In a recording: an upper and a lower branch at a constant distance, whatever the
@@ -30,15 +32,15 @@ class FrictionHysteresis(Effect):
 
     stage = "material"
     ports = ("equilibrium",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("friction_MPa", "MPa", 0.0, 1e4, 0.05, meaning="F"),
-        Parameter("presliding", "-", 1e-5, 2.0, 0.02, "log", "r, strain to full slip"),
+        Parameter("presliding", "-", 1e-5, 0.15, 0.02, "log", "r, strain to full slip"),
         Parameter("spread", "-", 0.05, 4.0, 0.3, "log", "octaves over which r spreads"),
         Parameter("growth", "-", -1.0, 50.0, 0.0, meaning="beta, per unit of strain"),
     )
-    off = {"friction_MPa": 0.0}
+    off: Mapping[str, float] = {"friction_MPa": 0.0}
     amplitude = "friction_MPa"
-    shape = ("spread", "growth")
+    shape: tuple[str, ...] = ("spread", "growth")
     where = "after every reversal, alike at every rate"
     twins = {
         "relaxation_branch": "the same cycle at rates two decades apart, or a hold",
@@ -48,7 +50,7 @@ class FrictionHysteresis(Effect):
 
     @property
     def second_forms(self):
-        return (BoucWen(),)
+        return (BoucWen(), WallFriction())
 
     def after(self, p, signal, state):
         from softnn.effects._kernels import stops
@@ -77,7 +79,7 @@ class FrictionHysteresis(Effect):
         return [
             {
                 "friction_MPa": 0.08 * scales.stress_MPa,
-                "presliding": float(np.clip(r * scales.strain, 1e-5, 2)),
+                "presliding": float(np.clip(r * scales.strain, 1e-5, 0.15)),
                 "spread": 0.3,
                 "growth": 0.0,
             }
@@ -122,4 +124,38 @@ class BoucWen(FrictionHysteresis):
         return [
             {k: v for k, v in s.items() if k != "spread"} | {"sharpness": 1.0}
             for s in plain
+        ]
+
+
+class WallFriction(FrictionHysteresis):
+    r"""Coulomb friction against a wall that the specimen presses on as it is loaded.
+
+    .. math:: \sigma \to \sigma + \mu\,|\sigma_{spring}| \sum_k w_k z_k
+
+    In a tube the pressure on the wall goes with the axial stress, so friction grows
+    with it, and there is none before there is contact: coefficient mu is that of
+    friction times the ratio of the two. Janssen 1895, translated by Sperl 2006,
+    doi:10.1007/s10035-005-0224-z.
+    """
+
+    parameters = (
+        Parameter("coefficient", "-", 0.0, 2.0, 0.1, meaning="mu, over axial stress"),
+        *FrictionHysteresis.parameters[1:3],
+    )
+    off = {"coefficient": 0.0}
+    amplitude = "coefficient"
+    shape = ("spread",)
+
+    @staticmethod
+    def _added(p, signal, loop):
+        pressure = np.abs(signal.equilibrium)
+        return replace(
+            signal,
+            equilibrium=signal.equilibrium + p["coefficient"] * pressure * loop,
+        )
+
+    def starts(self, scales):
+        return [
+            {"coefficient": 0.1, "presliding": s["presliding"], "spread": s["spread"]}
+            for s in super().starts(scales)
         ]
