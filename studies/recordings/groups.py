@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +89,9 @@ def divide(name: str, about: About, recordings: Sequence[Recording]) -> list[Gro
         by.setdefault(match.group(1) if match else "", []).append(recording)
     out = []
     for key, members in by.items():
+        if any(r.temperature_C is None for r in members):
+            # What some do not have cannot be asked of all.
+            members = [replace(r, temperature_C=None) for r in members]
         telling = [comes_back(r) or holds(r) for r in members]
         if not any(telling) and len(distinct([rate(r) for r in members])) < 2:
             continue

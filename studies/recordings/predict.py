@@ -18,7 +18,11 @@ DRAWS = 2000
 
 
 def usable(case: Case, samples: int) -> Case:
-    """The case as a diagnosis takes it: no stress after failure, fewer samples."""
+    """The case as a diagnosis takes it: no stress after failure, not too many samples.
+
+    Not few either: the noise is read off neighbouring samples, and between samples far
+    apart the specimen moves.
+    """
     return thin(mask_failure(mask_gaps(case)), samples)
 
 

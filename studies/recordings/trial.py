@@ -39,7 +39,6 @@ from studies.recordings.virtual import made_up
 
 DEFAULT_BASES = ("hooke", "sls", "pl-wiechert")
 MAIN = "pl-wiechert"  # the base that bars and faults are about
-FAULT_SAMPLES = 700  # a recording: eight diagnoses a group, so fewer samples each
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     p.add_argument("--groups", nargs="+", default=[], metavar="NAME", help="not all")
     p.add_argument("--data", type=Path, metavar="DIR", help="in place of SOFTNN_DATA")
     p.add_argument("--bases", nargs="+", default=list(DEFAULT_BASES), metavar="BASE")
-    p.add_argument("--samples", type=int, default=2000, help="a recording, most (2000)")
+    p.add_argument("--samples", type=int, default=6000, help="a recording, most (6000)")
     p.add_argument("--faults", action="store_true", help="made faults too")
     p.add_argument("--only-faults", action="store_true", help="made faults alone")
     p.add_argument("--size", type=float, default=1.0, help="of the faults (1)")
@@ -197,6 +196,8 @@ def work(task: Task) -> Row:
         except InputError as error:
             row = new_row(task)
             row.error = str(error)
+            if task.split >= 0:
+                row.label = task.group.splits[task.split].label
     row.seconds = time.perf_counter() - clock
     return row
 
@@ -249,7 +250,7 @@ def monotonic(task: Task) -> Row:
 
 
 def fault(task: Task) -> Row:
-    case = usable(task.group.case(), min(task.samples, FAULT_SAMPLES))
+    case = usable(task.group.case(), task.samples)
     if task.fault:
         case = faulty(case, FAULTS[task.fault], task.size, rng_of(task))
     row = new_row(task, diagnose(case, task.base, task.seed))
