@@ -475,6 +475,35 @@ def test_a_rival_that_fails_is_not_answered(tmp_path, monkeypatch):
     assert trial.seal_answers(tmp_path) != before
 
 
+def test_answers_are_scored_and_written(tmp_path, monkeypatch, capsys):
+    """The whole way with one quick rival, softnn's answers and MLflow stood in for."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "trial"
+
+    def diagnose(where, jobs, seed, timed):
+        for case in (where / "cases").iterdir():
+            out = where / "diagnoses" / case.name
+            out.mkdir(parents=True)
+            (out / "diagnosis.json").write_text(json.dumps(said(["zero_offset"])))
+        return {"wall_s": 1.0}
+
+    tracked = []
+    monkeypatch.setattr(trial, "diagnose", diagnose)
+    monkeypatch.setattr(table, "track", lambda *a: tracked.append(a))
+    run = ["--smoke", "--jobs", "1", "--out", str(folder), "--methods", "softnn", "omp"]
+    assert trial.main(run) == 0
+    result = json.loads((folder / "rivals.json").read_text())
+    rows = result["trials"]["strength-1"]["table"]
+    # It always says zero offset: right where that was planted, wrong on the rest.
+    counts = {k: rows["softnn"][k]["right"] for k in ("right", "alarms", "wrong")}
+    assert counts == {"right": 1, "alarms": 1, "wrong": 1}
+    assert rows["omp"]["failed"] == 0
+    assert rows["omp"]["seconds"] > 0
+    assert (folder / "rivals-strength-1.png").exists()
+    assert "held-out NRMSE" in capsys.readouterr().out
+    assert tracked[0][0]["answers_sha256"] == trial.seal_answers(folder)
+
+
 @pytest.mark.slow
 def test_smoke_seals_answers_before_the_key_is_opened(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
