@@ -218,8 +218,8 @@ def headline_of(found: Mapping[str, Any]) -> dict[str, Any]:
     return headline
 
 
-def as_markdown(found: Mapping[str, Any]) -> str:
-    """The table of all effects, the nulls, and what visible effects were missed for."""
+def tables(found: Mapping[str, Any]) -> dict[str, str]:
+    """All effects, the nulls, colours, noise, what visible effects were missed for."""
     effects = found["effects"]
     strengths = sorted({s for e in effects.values() for s in e["strengths"]}, key=float)
     rows = []
@@ -238,8 +238,8 @@ def as_markdown(found: Mapping[str, Any]) -> str:
                 number(e["oracle_smallest_signal"]),
             ]
         )
-    tables = [
-        markdown(
+    return {
+        "effects": markdown(
             [
                 "effect",
                 *(f"named at {s}" for s in strengths),
@@ -251,8 +251,7 @@ def as_markdown(found: Mapping[str, Any]) -> str:
             ],
             rows,
         ),
-        colour_table(effects),
-        markdown(
+        "nulls": markdown(
             ["nulls", "false alarms", "95 % interval", "cases", "false names"],
             [
                 [
@@ -266,8 +265,9 @@ def as_markdown(found: Mapping[str, Any]) -> str:
                 for colour, n in found["nulls"].items()
             ],
         ),
-        noise_table(found["noise"]),
-        markdown(
+        "colours": colour_table(effects),
+        "noise": noise_table(found["noise"]),
+        "missed": markdown(
             ["visible to the oracle, not right", "said instead", "cases"],
             [
                 [name, what, count]
@@ -275,8 +275,7 @@ def as_markdown(found: Mapping[str, Any]) -> str:
                 for what, count in e["visible_but_missed"].items()
             ],
         ),
-    ]
-    return "\n\n".join(tables)
+    }
 
 
 def colour_table(effects: Mapping[str, Any]) -> str:
@@ -377,8 +376,8 @@ def report(
 ) -> None:
     """Print, write and track what came out; trial seeds into the project's results."""
     found = summarise(rows, record["grid"]["seed"])
-    note, headline = as_markdown(found), headline_of(found)
-    print(note)
+    said_all, headline = tables(found), headline_of(found)
+    print("\n\n".join(said_all.values()))
     if record["missing"]:
         print(
             f"{record['missing']} cases of the grid are missing; this is a part of it"
@@ -397,13 +396,13 @@ def report(
     for name, entry in found["effects"].items():
         files += save_figure(effect_figure(name, entry), f"limits-{name}", where)
     print(f"written to {where}")
-    track(record, headline, note, files, tracking)
+    track(record, headline, said_all, files, tracking)
 
 
 def track(
     record: Mapping[str, Any],
     headline: Mapping[str, Any],
-    note: str,
+    said_all: Mapping[str, str],
     files: Sequence[Path],
     uri: str | None,
 ) -> None:
@@ -426,4 +425,7 @@ def track(
         metrics = {
             k: float(v) for k, v in headline.items() if isinstance(v, int | float)
         }
-        tracker.result(metrics, note=note, files=files)
+        # A description holds 8000 characters; all of it is an artifact.
+        note = "\n\n".join([said_all["effects"], said_all["nulls"]])
+        texts = {"limits.md": "\n\n".join(said_all.values()) + "\n"}
+        tracker.result(metrics, note=note, files=files, texts=texts)

@@ -111,6 +111,7 @@ def test_stopped_by_ctrl_c_it_goes_on_where_it_was(tmp_path, monkeypatch, capsys
         return fake(order)
 
     monkeypatch.setattr(limits, "outcome", interrupted)
+    monkeypatch.setattr(limits, "code_of", lambda: "as it was")
     grid = ["--effects", "slack", "--strengths", "0.1", "1", "--levels", "0.01"]
     grid += ["--cases", "3", "--nulls", "2", "--jobs", "1", "--seed", "12"]
     assert limits.main(grid) == 130
@@ -276,7 +277,7 @@ def test_shares_by_hand():
     headline = limits_report.headline_of(found)
     assert headline["false_alarm/long"] == pytest.approx(1 / 3)
     assert headline["effects_at_bar"] == 1
-    assert "| slack " in limits_report.as_markdown(found)
+    assert "| slack " in limits_report.tables(found)["effects"]
 
 
 def test_smallest_strength_is_the_one_from_which_on_it_holds():
