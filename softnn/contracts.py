@@ -207,6 +207,7 @@ class Effect(ABC):
     amplitude: str  # the parameter its size is proportional to, at least nearly
     per_recording: tuple[str, ...] = ()  # each recording has its own value of these
     some: bool = False  # a mistake in some recordings, hardly ever in most of them
+    contains: tuple[str, ...] = ()  # ids of simpler laws that this one can become
     shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
     needs_temperature: bool = False
     where: str = ""  # where in a recording it shows, in the words of the field

@@ -10,7 +10,8 @@ whitened by the noise of each recording (level, and correlation in time).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -156,6 +157,17 @@ def put(guess: Guess, where: Sequence[Slot], values: Sequence[float]) -> Guess:
     )
 
 
+def span(columns: Array) -> Array:
+    """Orthonormal basis (n, rank) of columns (n, k), those that depend left out."""
+    norm = np.linalg.norm(columns, axis=0)
+    columns = columns[:, norm > 0] / norm[norm > 0]
+    # By the Gram matrix, a tenth of the time of a decomposition of the columns; columns
+    # are few and only clear directions are kept, so that its lesser accuracy will do.
+    size, turn = np.linalg.eigh(columns.T @ columns)
+    clear = size > 1e-10 * size.max(initial=0.0)
+    return columns @ (turn[:, clear] / np.sqrt(size[clear]))
+
+
 class Engine:
     """Simulates the data for many guesses; keeps what does not change between them."""
 
@@ -185,6 +197,7 @@ class Engine:
         self.fine: Engine | None = None  # the same recordings with all their samples
         self.body = False  # weigh all samples alike, as if the noise were white
         self._cache: dict[Any, Any] = {}
+        self._blind: Array | None = None  # orthonormal, whitened: what no fit may see
         self.set_noise(sigma_MPa, correlation_s)
 
     def set_noise(
@@ -206,8 +219,32 @@ class Engine:
         self.phi = np.minimum(phi, 0.995)
         self.scale = 1 / (self.sigma * np.sqrt(1 - self.phi**2))
 
+    @contextmanager
+    def blind(self, columns: Array) -> Iterator[None]:
+        """Fits within do not see the changes of stress `columns` (valid, k).
+
+        They are projected out of everything whitened, as if each were a free linear
+        parameter of the fit.
+        """
+        white = self.whiten(columns)
+        norm = np.linalg.norm(white, axis=0)
+        u, s, _ = np.linalg.svd(
+            white[:, norm > 0] / norm[norm > 0], full_matrices=False
+        )
+        self._blind = u[:, s > 1e-6 * s.max(initial=0.0)]
+        try:
+            yield
+        finally:
+            self._blind = None
+
     def whiten(self, x: Array) -> Array:
         """Rows (valid samples, ...) as if the noise were independent, of variance 1."""
+        out = self._whiten(x)
+        if self._blind is not None:
+            out -= self._blind @ (self._blind.T @ out)
+        return out
+
+    def _whiten(self, x: Array) -> Array:
         x = x / (self.sigma if x.ndim == 1 else self.sigma[:, None])
         norm = np.sqrt(1 - self.phi**2)
         out = x.copy()

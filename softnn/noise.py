@@ -20,8 +20,8 @@ from softnn.contracts import Array
 
 WINDOW = 48
 DEGREE = 3
-DISAGREE = 20.0  # of log-likelihood, beyond which recordings are not of one colour
-CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19), [0.975]])
+DISAGREE = 8.0  # of log-likelihood, beyond which recordings are not of one colour
+CORRELATIONS = np.concatenate([[0.0], 1 - np.geomspace(0.95, 0.008, 26)])
 
 
 @dataclass(frozen=True)
@@ -131,10 +131,10 @@ def estimate(
     seconds = _shared_time(like, variance, whose, interval)
     # The variance of each window at the correlation its own clock gives it.
     phi = np.exp(-interval[whose] / max(seconds, 1e-12))
-    nearest = np.abs(CORRELATIONS[:, None] - phi).argmin(axis=0)
-    floor2, share2, kept = _level(
-        variance[nearest, np.arange(len(whose))], size, typical
-    )
+    upper, w = _bracket(phi)
+    column = np.arange(len(whose))
+    own_variance = (1 - w) * variance[upper - 1, column] + w * variance[upper, column]
+    floor2, share2, kept = _level(own_variance, size, typical)
     out = []
     for r, step in enumerate(steps):
         own = kept & (whose == r)
@@ -155,6 +155,13 @@ def estimate(
     return out
 
 
+def _bracket(phi: Array) -> tuple[NDArray[np.integer], Array]:
+    """Where each correlation lies in the table: the entry above, its weight."""
+    upper = np.clip(np.searchsorted(CORRELATIONS, phi), 1, len(CORRELATIONS) - 1)
+    low, high = CORRELATIONS[upper - 1], CORRELATIONS[upper]
+    return upper, np.clip((phi - low) / (high - low), 0, 1)
+
+
 def _pooled_time(
     like: Array, interval: Array
 ) -> tuple[float, Callable[[float], float]]:
@@ -167,9 +174,7 @@ def _pooled_time(
 
     def at(tau: float) -> float:
         phi = np.exp(-interval / tau)
-        upper = np.clip(np.searchsorted(CORRELATIONS, phi), 1, len(CORRELATIONS) - 1)
-        low, high = CORRELATIONS[upper - 1], CORRELATIONS[upper]
-        w = np.clip((phi - low) / (high - low), 0, 1)
+        upper, w = _bracket(phi)
         column = np.arange(like.shape[1])
         return float(
             np.sum((1 - w) * like[upper - 1, column] + w * like[upper, column])
@@ -183,8 +188,8 @@ def _shared_time(
 ) -> float:
     """Correlation time, s, that the recordings share.
 
-    What a simulation misses only ever adds correlation. So where the recordings
-    disagree by more than chance, the half of them with the least of it knows best.
+    What a simulation misses only ever adds correlation. So where the half of the
+    recordings with the least of it contradicts the time of all, it knows best.
     """
     # Rough windows hold a reversal; judged by what is new from sample to sample, which
     # says little about the colour itself.
@@ -198,7 +203,7 @@ def _shared_time(
         if calm.sum() >= 4:
             own[int(r)] = (_pooled_time(like[:, calm], interval[whose[calm]])[0], calm)
     clock = interval[whose]
-    together, at = _pooled_time(like[:, everything], clock[everything])
+    together, _ = _pooled_time(like[:, everything], clock[everything])
     if len(own) < 2:
         return together
     half = np.zeros(len(whose), bool)
@@ -206,8 +211,8 @@ def _shared_time(
         half |= calm
         if half.sum() >= 0.4 * everything.sum():
             break
-    least, _ = _pooled_time(like[:, half], clock[half])
-    chance = at(together) - at(least)
+    least, at = _pooled_time(like[:, half], clock[half])
+    chance = at(least) - at(together)
     apart = chance > DISAGREE and least < 0.6 * together
     return least if apart else together
 

@@ -64,7 +64,8 @@ def test_continued_recordings_are_one_recording_cut_in_two():
 
 
 def _mullins(depth=0.4):
-    return {"depth": depth, "scale": 0.1, "sharpness": 0.7, "viscous_share": 1.0}
+    law = effect("mullins_softening")
+    return law.defaults() | {"depth": depth, "scale": 0.1}
 
 
 def test_planted_effect_and_base_come_back_from_coloured_noise():

@@ -65,8 +65,8 @@ def write_case(folder, terms=(), noise=0.002, seed=0, toml="", stress=None):
 
 
 def mullins(depth=0.4):
-    values = {"depth": depth, "scale": 0.1, "sharpness": 0.7, "viscous_share": 1.0}
-    return Term(effect("mullins_softening"), values)
+    law = effect("mullins_softening")
+    return Term(law, law.defaults() | {"depth": depth, "scale": 0.1})
 
 
 # -- verdicts --------------------------------------------------------------------------

@@ -36,6 +36,7 @@ class NonlinearViscosity(Effect):
     )
     off = {"stiffness_MPa": 0.0}
     amplitude = "stiffness_MPa"
+    contains = ("relaxation_branch",)
     where = "in loops and holds, growing slowly with rate"
     twins = {
         "friction_hysteresis": "the same cycle at rates two decades apart",

@@ -14,9 +14,10 @@ class Slack(Effect):
     r"""Take-up: no strain reaches the specimen before the gap is closed.
 
     .. math:: \varepsilon_{spec} = \varepsilon - T(\varepsilon), \qquad
-              T = \min(\varepsilon, g) \text{ for } \varepsilon > 0
+              T = \operatorname{sgn}(\varepsilon) \min(|\varepsilon|, g)
 
-    g is the gap of a recording as strain, 0 to 0.5. With `toe` w > 0 the corner at g is
+    g is the gap of a recording as strain, 0 to 0.5; in compression it is the way to
+    contact. With `toe` w > 0 the corner at g is
     rounded over w g: a foot in place of a dead zone. ASTM D638-14, annex A1 (toe
     compensation).
 
@@ -47,13 +48,13 @@ class Slack(Effect):
 
         def taut(strain):
             width = np.maximum(toe * gap, 1e-12)
-            x = strain - gap
+            size = np.abs(strain)
+            x = size - gap
             # Rounded ramp: quadratic over gap -+ width, straight outside.
             soft = np.where(
                 x > width, x, np.where(x > -width, (x + width) ** 2 / 4 / width, 0)
             )
-            loose = np.where(strain > 0, np.minimum(soft, strain), strain)
-            return np.where(gap > 0, loose, strain)
+            return np.where(gap > 0, np.sign(strain) * np.minimum(soft, size), strain)
 
         return (
             replace(

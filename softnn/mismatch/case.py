@@ -216,8 +216,9 @@ def mask_gaps(case: Case) -> Case:
             cut = True
         last = float(strain[-1]) if case.history == "continued" else None
         for i in np.flatnonzero(step > 6 * typical):
-            around = np.concatenate([rate[max(i - 3, 0) : i], rate[i + 1 : i + 4]])
-            travel = step[i] * (around.max() if len(around) else 0.0)
+            # Still on one side, as where a clock slows down for a dwell, is no travel.
+            sides = rate[max(i - 3, 0) : i], rate[i + 1 : i + 4]
+            travel = step[i] * min(float(s.max(initial=0.0)) for s in sides)
             straight = abs(strain[i + 1] - strain[i])
             if travel > 0.05 * span and abs(travel - straight) > 0.05 * span:
                 after = recording.time_s > time[i]

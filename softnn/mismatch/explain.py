@@ -1,9 +1,8 @@
 r"""Which physics was left out: score tests, joint refits, one effect and several.
 
-A score test asks how much of the residual an effect would take up that the base, with
-everything it may still change, cannot (an atom: the change of stress the effect makes,
-less what the columns of the base absorb). It is cheap, so all effects are asked from
-several starts; those that pass are refitted jointly with the base, and compete.
+The score tests point to a few effects; those are refitted jointly with the base, and
+compete. A later effect must explain what no other form of the earlier ones could: what
+it may take up is what is left beyond their distortions (`forms`).
 """
 
 from __future__ import annotations
@@ -11,23 +10,33 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from softnn import effects
 from softnn.contracts import Array, Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, weigh
+from softnn.mismatch.forms import beyond, distortions, finer, memories
+from softnn.mismatch.screen import Lead, Screen, null_threshold
 from softnn.mismatch.verify import intervals
 from softnn.noise import Noise
 
 ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
 MOST_EFFECTS = 3
+COARSE = 1.5  # misfit over noise, a sample, from which a finer spring may help
 FAR = 8.0  # excess of misfit over noise, a sample, that no form here comes near
-LATER_SHARE = 0.25  # of the first effect's gain, below which a later one is its form
-CLEAN = 0.3  # the same for one whose gain is small beside that of the first
-LATER_LEFT = 0.65  # of what the earlier effects left, which a later one must get under
+SURE = 2.0  # times the threshold of noise, which the first effect must gain
+# What a later effect must win beyond the forms of the earlier ones: shares of what they
+# leave and of what they gained. One that is small beside them must leave little; and
+# less still where it has a value of its own in each recording, which fits anything.
+LARGE = (0.25, 0.02)
+SMALL = {False: (0.6, 0.003), True: (0.8, 0.006)}
+LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
+DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
+NEAR = 0.8  # of the gain of a richer law, from which a simpler one may stand for it
+KNOWN = 0.01  # excess to which the level of noise is known
 
 # What a base has of its own, so that it cannot be missing from it.
 INCLUDED = {
@@ -39,20 +48,13 @@ INCLUDED = {
 }
 
 
-@dataclass(frozen=True)
-class Lead:
-    """An effect that the score test points to, with where to start its fit."""
-
-    piece: Piece
-    gain: float  # of chi2, linearised
-
-
 def candidates(engine: Engine, base: str, fixed: bool) -> list[Effect]:
     """Effects that these recordings and this base could show."""
     scales = engine.data.scales()
+    warm = all(c.temperature_C is not None for c in engine.chunks)
     out = []
     for effect in EFFECTS:
-        if effect.needs_temperature and not scales.temperature_C > 0.5:
+        if effect.needs_temperature and not (warm and scales.temperature_C > 0.5):
             continue
         if not fixed and effect.id in INCLUDED.get(base, ()):
             continue
@@ -60,199 +62,6 @@ def candidates(engine: Engine, base: str, fixed: bool) -> list[Effect]:
             continue
         out.append(effect)
     return out
-
-
-def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
-    """A piece for each start of an effect: core parameters free, all recordings on."""
-    r = len(engine.chunks)
-    out = []
-    fixed = effect.defaults()
-    for start in effect.starts(engine.data.scales()):
-        values: dict[str, Any] = fixed | dict(start)
-        for p in effect.parameters:
-            inside = np.clip(values[p.name], p.low, p.high)
-            if p.name in effect.per_recording:
-                values[p.name] = np.broadcast_to(inside, (r,)).astype(float)
-            else:
-                values[p.name] = float(inside)
-        free = tuple(p.name for p in effect.parameters if p.name not in effect.shape)
-        groups = tuple((i,) for i in range(r)) if effect.per_recording else ()
-        out.append(Piece(effect, values, free, groups))
-    return out
-
-
-class Screen:
-    """Score tests at one fit: the residual, and what the fit can still absorb."""
-
-    def __init__(self, engine: Engine, base: Fit) -> None:
-        self.engine, self.base = engine, base
-        k = len(base.guess.stiffness)
-        live = np.concatenate(
-            [
-                (base.guess.stiffness > 0) & (not base.fixed_base),
-                np.ones(len(base.slots), bool),
-            ]
-        )
-        columns = base.jacobian[:, live]
-        norm = np.linalg.norm(columns, axis=0)
-        columns = columns[:, norm > 0] / norm[norm > 0]
-        self.q = _range(columns)
-        self.residual = base.residual - self.q @ (self.q.T @ base.residual)
-        self.k = k
-
-    def project(self, atoms: Array) -> Array:
-        return atoms - self.q @ (self.q.T @ atoms)
-
-    def atoms(self, piece: Piece) -> Array:
-        """Whitened, absorbed-free change of stress (valid, groups or 1) of a piece."""
-        guess = self.base.guess
-        with_it = replace(guess, pieces=guess.pieces + (piece,))
-        changed, _ = self.engine.run(with_it, False)
-        plain, _ = self.engine.run(guess, False)
-        change = changed - plain
-        if not piece.groups:
-            return self.project(self.engine.whiten(change[:, None]))
-        parts = np.stack(
-            [
-                np.where(np.isin(self.engine.owner, g), change, 0.0)
-                for g in piece.groups
-            ],
-            axis=1,
-        )
-        return self.project(self.engine.whiten(parts))
-
-    def lead(self, effect: Effect, threshold: float) -> tuple[list[Lead], list[Array]]:
-        """Leads of an effect from each of its starts; and all atoms, for the null."""
-        pieces = start_pieces(self.engine, effect)
-        atoms = [self.atoms(p) for p in pieces]
-        if not effect.per_recording:
-            leads = []
-            for piece, atom in zip(pieces, atoms, strict=True):
-                c, gain = _signed(piece, atom[:, 0], self.residual)
-                if gain > 0:
-                    leads.append(Lead(_scaled(piece, [c]), gain))
-            return leads, atoms
-        return self._greedy(pieces, atoms, threshold), atoms
-
-    def _greedy(
-        self, pieces: list[Piece], atoms: list[Array], threshold: float
-    ) -> list[Lead]:
-        """Recordings one after the other, each from the start that suits it best."""
-        residual = self.residual
-        basis = np.zeros((len(residual), 0))
-        chosen: dict[int, tuple[int, float]] = {}
-        total = 0.0
-        # A mistake in some recordings is one only beside others that are right.
-        limit = len(pieces[0].groups) - int(pieces[0].effect.some)
-        for _ in range(len(pieces[0].groups)):
-            best = (0.0, -1, -1, 0.0)
-            for s, (piece, atom) in enumerate(zip(pieces, atoms, strict=True)):
-                left = atom - basis @ (basis.T @ atom)
-                # What is absorbed by what is in already tells nothing new.
-                share = (left**2).sum(axis=0) / np.maximum(
-                    (atom**2).sum(axis=0), 1e-300
-                )
-                for g in range(len(piece.groups)):
-                    if g in chosen or share[g] < 0.02:
-                        continue
-                    c, gain = _signed(piece, left[:, g], residual)
-                    if gain > best[0]:
-                        best = (gain, s, g, c)
-            gain, s, g, c = best
-            if g < 0 or gain < threshold or len(chosen) >= limit:
-                break
-            left = atoms[s][:, g] - basis @ (basis.T @ atoms[s][:, g])
-            unit = left / np.linalg.norm(left)
-            basis = np.concatenate([basis, unit[:, None]], axis=1)
-            residual = residual - unit * (unit @ residual)
-            chosen[g] = (s, c)
-            total += gain
-        if not chosen:
-            return []
-        effect = pieces[0].effect
-        values = {
-            k: np.array(v) if np.ndim(v) else v for k, v in pieces[0].values.items()
-        }
-        for name, off in effect.off.items():
-            if name in effect.per_recording:
-                values[name] = np.full(len(self.engine.chunks), off)
-        for g, (s, c) in chosen.items():
-            for name in effect.per_recording:
-                own = float(pieces[s].values[name][g])
-                values[name][g] = own * c if name == effect.amplitude else own
-        values = _clipped(effect, values)
-        groups = tuple(pieces[0].groups[g] for g in sorted(chosen))
-        return [Lead(Piece(effect, values, pieces[0].free, groups), total)]
-
-
-def _range(columns: Array) -> Array:
-    """Orthonormal basis of the columns, those that depend on others left out."""
-    if columns.shape[1] == 0:
-        return columns
-    u, s, _ = np.linalg.svd(columns, full_matrices=False)
-    return u[:, s > 1e-7 * s[0]]
-
-
-def _bounds(piece: Piece) -> tuple[float, float]:
-    """Multiples of the start's amplitude that the parameter's range allows, up to 4."""
-    effect = piece.effect
-    p = next(p for p in effect.parameters if p.name == effect.amplitude)
-    value = float(np.max(np.abs(piece.values[effect.amplitude])))
-    if effect.off.get(effect.amplitude) != 0.0:
-        return 0.0, 1.5
-    return max(p.low / value, -4.0), min(p.high / value, 4.0)
-
-
-def _signed(piece: Piece, atom: Array, residual: Array) -> tuple[float, float]:
-    """Best multiple of an atom within its range, and the gain of chi2."""
-    size = float(atom @ atom)
-    if size < 1e-12:
-        return 0.0, 0.0
-    dot = float(atom @ residual)
-    low, high = _bounds(piece)
-    c = float(np.clip(dot / size, low, high))
-    return c, c * (2 * dot - c * size)
-
-
-def _scaled(piece: Piece, c: Sequence[float]) -> Piece:
-    effect = piece.effect
-    values = dict(piece.values)
-    if effect.off.get(effect.amplitude) == 0.0:
-        factor = c[0] if abs(c[0]) > 0.05 else np.copysign(0.05, c[0])
-        values[effect.amplitude] = values[effect.amplitude] * factor
-    return replace(piece, values=_clipped(effect, values))
-
-
-def _clipped(effect: Effect, values: dict[str, Any]) -> dict[str, Any]:
-    out = dict(values)
-    for p in effect.parameters:
-        out[p.name] = np.clip(out[p.name], p.low, p.high)
-        if np.ndim(out[p.name]) == 0:
-            out[p.name] = float(out[p.name])
-    return out
-
-
-def null_threshold(
-    screen: Screen,
-    atoms: Sequence[Array],
-    rng: np.random.Generator,
-    level: float = 0.99,
-) -> float:
-    """Quantile of the largest score of any atom when nothing but noise is left.
-
-    The bootstrap draws whitened noise, refits the base to it (the projection), and
-    takes the largest gain over all effects and starts.
-    """
-    s = np.concatenate(atoms, axis=1)
-    norm = np.linalg.norm(s, axis=0)
-    s = s[:, norm > 1e-6] / norm[norm > 1e-6]
-    if s.shape[1] == 0:
-        return 10.0
-    largest = []
-    for _ in range(8):
-        noise = rng.standard_normal((s.shape[0], 25))
-        largest.append(((s.T @ screen.project(noise)) ** 2).max(axis=0))
-    return float(np.quantile(np.concatenate(largest), level))
 
 
 def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit:
@@ -421,11 +230,12 @@ class Explanation:
     threshold: float
     excess_before: float  # whitened misfit over the noise, a sample: base
     excess_after: float  # the same with the effects
+    excess_bent: float  # the same with the effects in any form
     first: list[Rival]  # all rivals for the first effect, best first
 
     @property
     def selected(self) -> list[str]:
-        return [p.effect.id for p in self.final.guess.pieces if not p.nuisance]
+        return names(self.final)
 
     @property
     def left(self) -> float:
@@ -458,29 +268,37 @@ def search(base: Baseline, rng: np.random.Generator) -> Explanation:
     first: list[Rival] = []
     threshold = ENTRY
     while len(steps) < MOST_EFFECTS:
-        found, limit = rivals(engine, current, pool, rng)
         if not steps:
-            first, threshold = found, limit
-        elif len(steps) == 1 and not mostly(base.fit, current):
-            found = beam(engine, base.fit, first, found, pool, rng)
-        found = simplest(current, found)
-        if not found or not enough(
-            engine, base.fit, current, found[0].fit, steps, limit
-        ):
-            break
+            first, threshold = rivals(engine, current, pool, rng)
+            found = simplest(engine, current, first)
+            if not found or not enough(engine, current, found[0].fit, threshold):
+                found = reweighed(base, found, threshold)
+            if not found:
+                break
+            current = base.fit
+        else:
+            found, limit = further(engine, current, pool, rng)
+            if len(steps) == 1 and not mostly(base.fit, current):
+                found = beam(engine, base.fit, first, found, pool, rng)
+            if not found or not adds(
+                engine, base.fit, current, found[0].fit, max(limit, threshold)
+            ):
+                break
         gain = score(current) - score(found[0].fit)
         steps.append(Step(found, gain, found[0].fit))
         current = found[0].fit
         if len(steps) == 2:
             current = swap(engine, base.fit, steps)
-        elif len(steps) == 3:
+        if len(steps) > 1:
             current = exchange(engine, current, pool, rng)
         # Better explained is better weighed: the noise is read off what is left.
         noise = weigh(engine, current)
         current = fit(engine, current.guess, fixed_base=base.fixed, iterations=4)
         steps[-1].fit = current
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=4)
-    current = backward(engine, base.fit, current)
+    current = backward(engine, base.fit, current, threshold)
+    if current.chi2 / len(engine.target) > COARSE:
+        current = resolved(engine, base, current)
     n = len(engine.target)
     return Explanation(
         base,
@@ -490,76 +308,182 @@ def search(base: Baseline, rng: np.random.Generator) -> Explanation:
         threshold,
         base.fit.chi2 / n - 1,
         current.chi2 / n - 1,
+        (bent(engine, current) if steps else base.fit.chi2) / n - 1,
         first,
     )
 
 
-def enough(
-    engine: Engine,
-    base: Fit,
-    before: Fit,
-    after: Fit,
-    steps: list[Step],
-    threshold: float,
-) -> bool:
-    """Whether an effect says enough to be named.
+def resolved(engine: Engine, base: Baseline, current: Fit) -> Fit:
+    """Base and explanation with as many spring segments as the stress asks for."""
+    for _ in range(2):
+        finest = finer(engine, current, branches_too=False)
+        if not score(finest) < score(current) - 20:
+            break
+        current = finest
+        base.fit = finer(engine, base.fit, branches_too=False)
+    return current
 
-    The first must gain well over what noise gives. A later one must besides take a good
-    part of what the earlier ones left: no formula is the true one, and what its form
-    misses looks like a little of something else.
+
+def enough(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
+    """Whether the first effect gains well over noise, and over a finer base."""
+    needed = SURE * threshold
+    if before.chi2 - after.chi2 < needed or score(before) - score(after) < 20:
+        return False
+    with engine.blind(memories(engine, before)):
+        return finer(engine, before).chi2 - finer(engine, after).chi2 > needed
+
+
+def reweighed(base: Baseline, found: list[Rival], threshold: float) -> list[Rival]:
+    """The rivals that do gain enough when the noise is read off what they leave.
+
+    What is missing adds to the noise that a base seems to have, its colour above all,
+    and so hides itself; in noise alone a rival changes next to nothing of it.
     """
-    gain = score(before) - score(after)
-    raw = before.chi2 - after.chi2
-    if raw < 2.5 * threshold or gain < 20:
-        return False
-    if not steps:
-        return True
-    if sponge(engine, after, steps):
-        return False
-    # All gains by the weights of now: they change with what is left.
-    so_far = (score(base) - score(before)) / len(steps)
-    much, clean = adds(before, after, so_far)
-    if len(steps) == 1:
-        return much or clean
-    # By the third, two forms have had their say; it must be as large as they were.
-    large = gain > 0.5 * so_far
-    return much and clean and large
+    engine = base.engine
+    for rival in found[:3]:
+        if base.fit.chi2 - rival.fit.chi2 < threshold:
+            continue
+        weigh(engine, rival.fit)
+        before = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=4)
+        after = fit(engine, rival.fit.guess, fixed_base=base.fixed, iterations=4)
+        if enough(engine, before, after, threshold):
+            base.fit = before
+            return [Rival(rival.effect, after, rival.seconds)]
+    weigh(engine, base.fit)
+    return []
 
 
-def adds(before: Fit, after: Fit, first: float) -> tuple[bool, bool]:
-    """Whether a later effect gains much beside the first, and whether it cleans up."""
+def names(found: Fit) -> list[str]:
+    return [p.effect.id for p in found.guess.pieces if not p.nuisance]
+
+
+def further(
+    engine: Engine,
+    current: Fit,
+    pool: Sequence[Effect],
+    rng: np.random.Generator,
+    most: int = 5,
+) -> tuple[list[Rival], float]:
+    """Rivals for a further effect, by what no form of the present ones takes up.
+
+    The present effects are held, their distortions projected out of everything; the
+    best rivals are then refitted with all of it free. Where no form comes near, there
+    is no telling form from effect, and they are judged by the plain misfit.
+    """
+    if engine.body:
+        return rivals(engine, current, pool, rng)
+    blind = np.concatenate(
+        [distortions(engine, current), memories(engine, current)], axis=1
+    )
+    held = tuple(p if p.nuisance else replace(p, free=()) for p in current.guess.pieces)
+    free = {p.effect.id: p.free for p in current.guess.pieces if not p.nuisance}
+    with engine.blind(blind):
+        guess = replace(current.guess, pieces=held)
+        start = fit(engine, guess, fixed_base=current.fixed_base, iterations=4)
+        found, threshold = rivals(engine, start, pool, rng, most)
+    out = []
+    for rival in found[:3]:
+        clock = time.perf_counter()
+        pieces = tuple(
+            p if p.nuisance else replace(p, free=free.get(p.effect.id, p.free))
+            for p in rival.fit.guess.pieces
+        )
+        guess = replace(rival.fit.guess, pieces=pieces)
+        joint = fit(engine, guess, fixed_base=current.fixed_base, iterations=12)
+        joint = prune(engine, joint)
+        seconds = rival.seconds + time.perf_counter() - clock
+        out.append(Rival(rival.effect, joint, seconds))
+    ranked = sorted(out, key=lambda r: formless(engine, r.fit, set(free)))
+    return simplest(engine, current, ranked), threshold
+
+
+def formless(engine: Engine, found: Fit, which: set[str]) -> float:
+    """`score` of a fit that may also distort the effects named."""
+    n = len(found.residual)
+    misfit = without_form(engine, found, which)
+    return float(n * np.log(misfit / n) + found.parameters * np.log(n))
+
+
+def without_form(engine: Engine, found: Fit, which: set[str]) -> float:
+    """Misfit of a fit that may also distort the effects named."""
+    return beyond(engine, found, distortions(engine, found, which))
+
+
+def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -> bool:
+    """Whether a later effect explains what the earlier ones, in any form, could not.
+
+    No formula is the true one, and what its form misses looks like a little of
+    something else.
+    """
     n = len(before.residual)
-    gain = score(before) - score(after)
-    left, then = before.chi2 / n - 1, after.chi2 / n - 1
-    much = gain > max(80.0, LATER_SHARE * first) and then < LATER_LEFT * left
-    # A small one must then leave next to nothing of what was left.
-    return much, gain > 200.0 and max(then, 0.0) < CLEAN * left
+    earlier = set(names(before))
+    new = [
+        p for p in after.guess.pieces if not p.nuisance and p.effect.id not in earlier
+    ]
+    if engine.body:
+        loose = len(earlier) > 1 and any(p.effect.per_recording for p in new)
+        return bool(not loose and after.chi2 - n < LEFT * (before.chi2 - n))
+    # A form that is wrong by much is not the form of what is there.
+    first = max(base.chi2 - before.chi2, 1.0)
+    left = max(without_form(engine, before, earlier), before.chi2 - DISTORTED * first)
+    gain = left - without_form(engine, after, earlier)
+    price = (len(after.slots) - len(before.slots)) * np.log(n)
+    if gain < max(2.0 * threshold, price):
+        return False
+    if gain < first and any(sponge(engine, p) for p in new):
+        return False
+    if len(earlier) > 1 and left < n:
+        return False
+    share = gain / max(left - n, KNOWN * n)
+    much, large = LARGE
+    clean, small = SMALL[any(p.effect.per_recording for p in new)]
+    return bool(
+        (share > much and gain > large * first)
+        # By the third, two forms have had their say; a small one is theirs.
+        or (len(earlier) < 2 and share > clean and gain > small * first and left > n)
+    )
 
 
-def sponge(engine: Engine, found: Fit, steps: list[Step]) -> bool:
-    """Whether the latest effect has a value of its own in most recordings.
+def sponge(engine: Engine, piece: Piece) -> bool:
+    """Whether an error of some recordings has a value of its own in most of them.
 
     An error of mounting or zeroing is there in some recordings; what takes a little of
     all of them makes up for the form of another effect.
     """
-    before = {p.effect.id for p in steps[-1].fit.guess.pieces}
-    new = [p for p in found.guess.pieces if p.effect.id not in before]
-    return any(p.effect.some and len(p.groups) > 0.6 * len(engine.chunks) for p in new)
+    return piece.effect.some and len(piece.groups) > 0.6 * len(engine.chunks)
 
 
-def simplest(before: Fit, found: list[Rival]) -> list[Rival]:
-    """The rivals with the simpler law first where a richer one is hardly better.
+def simplest(engine: Engine, before: Fit, found: list[Rival]) -> list[Rival]:
+    """The rivals with a simpler law first where a richer one is hardly better.
 
     A law that contains another (a flow law a linear dashpot) fits what the other makes
-    at least as well, and better still whatever else is there.
+    at least as well, and better still whatever else is there. So the simpler one goes
+    first where, both distorted, it does as well.
     """
+    if not found:
+        return found
+    best = found[0]
+    price = 0.01 * (score(before) - score(best.fit))
+    gain = before.chi2 - best.fit.chi2
     for i, rival in enumerate(found[1:3], start=1):
-        best = found[0]
-        price = 0.01 * (score(before) - score(best.fit))
-        fewer = rival.fit.parameters < best.fit.parameters
-        if fewer and score(rival.fit) < score(best.fit) + price:
+        if rival.fit.parameters >= best.fit.parameters:
+            continue
+        close = score(rival.fit) < score(best.fit) + price
+        inner = rival.effect in effects.effect(best.effect).contains
+        near = before.chi2 - rival.fit.chi2 > NEAR * gain
+        if close or (
+            inner
+            and near
+            and bent(engine, rival.fit)
+            < bent(engine, best.fit) + (1 - NEAR) * gain / 50
+        ):
             return [rival, *found[:i], *found[i + 1 :]]
     return found
+
+
+def bent(engine: Engine, found: Fit) -> float:
+    """Misfit of a fit whose effects may all take any form."""
+    return beyond(engine, found, distortions(engine, found))
 
 
 def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
@@ -598,12 +522,20 @@ def beam(
     Two effects together can look like a third, which then comes first alone.
     """
     best = found
+    price = np.log(len(base.residual))
     top = score(base) - score(first[0].fit)
     for rival in first[1:3]:
         if score(base) - score(rival.fit) < 0.3 * top:
             break
-        other, _ = rivals(engine, rival.fit, pool, rng, most=5)
-        if other and (not best or score(other[0].fit) < score(best[0].fit) - 20):
+        other, _ = further(engine, rival.fit, pool, rng)
+        if not other:
+            continue
+        new, old = other[0].fit, best[0].fit if best else None
+        if old is None or (
+            score(new) < score(old) - 20
+            and bent(engine, new) + new.parameters * price
+            < bent(engine, old) + old.parameters * price
+        ):
             best = other
     return best
 
@@ -611,26 +543,29 @@ def beam(
 def exchange(
     engine: Engine, found: Fit, pool: Sequence[Effect], rng: np.random.Generator
 ) -> Fit:
-    """Three effects with each in turn given up for what would then come instead."""
+    """Several effects with each in turn given up for what would then come instead."""
     best = found
-    for name in [p.effect.id for p in found.guess.pieces if not p.nuisance]:
+    for name in names(found):
         kept = tuple(p for p in best.guess.pieces if p.effect.id != name or p.nuisance)
         if len(kept) == len(best.guess.pieces):
             continue
         guess = Guess(best.guess.units, best.guess.stiffness, kept)
         rest = fit(engine, guess, fixed_base=best.fixed_base, iterations=6)
-        other, _ = rivals(engine, rest, pool, rng, most=4)
-        if other and score(other[0].fit) < score(best) - 20:
-            best = other[0].fit
+        others, _ = further(engine, rest, pool, rng)
+        which = set(names(rest))
+        if others and others[0].effect != name:
+            new = others[0].fit
+            if formless(engine, new, which) < formless(engine, best, which) - 20:
+                best = new
     return best
 
 
-def backward(engine: Engine, base: Fit, found: Fit) -> Fit:
-    """The fit without the effects whose removal costs nothing."""
-    names = [p.effect.id for p in found.guess.pieces if not p.nuisance]
-    if len(names) < 2:
+def backward(engine: Engine, base: Fit, found: Fit, threshold: float) -> Fit:
+    """The fit without the effects that the others, in any form, can do without."""
+    named = names(found)
+    if len(named) < 2:
         return found
-    for name in names:
+    for name in named:
         kept = tuple(p for p in found.guess.pieces if p.effect.id != name or p.nuisance)
         without = fit(
             engine,
@@ -638,6 +573,6 @@ def backward(engine: Engine, base: Fit, found: Fit) -> Fit:
             fixed_base=found.fixed_base,
             iterations=8,
         )
-        if not any(adds(without, found, score(base) - score(without))):
-            return backward(engine, base, without)
+        if not adds(engine, base, without, found, threshold):
+            return backward(engine, base, without, threshold)
     return found

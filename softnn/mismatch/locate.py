@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk
-from softnn.fit import Engine, Fit
+from softnn.fit import Engine, Fit, span
+from softnn.mismatch.forms import memories
 
 WINDOWS = (8, 16, 32, 64, 128, 256)
 SIGMAS = 2.0  # beyond which an effect is said to act
@@ -112,13 +113,15 @@ def scan(
         [
             found.jacobian[:, :k][:, live & (not found.fixed_base)],
             found.jacobian[:, k:],
+            engine.whiten(memories(engine, found)),
         ],
         axis=1,
     )
-    q = np.linalg.qr(columns)[0] if columns.shape[1] else columns
+    q = span(columns)
+    residual = found.residual - q @ (q.T @ found.residual)
     sets = _windows(engine.owner)
     # Noise estimated a little too low must not read as a mismatch.
-    scale = np.sqrt(max(np.median(found.residual**2) / 0.4549, 1.0))
+    scale = np.sqrt(max(np.median(residual**2) / 0.4549, 1.0))
     largest = []
     for _ in range(60):
         e = rng.standard_normal(len(found.residual))
@@ -130,7 +133,7 @@ def scan(
     mask = np.zeros(len(found.residual), bool)
     top = 0.0
     for s in sets:
-        z = _means(found.residual / scale, s)
+        z = _means(residual / scale, s)
         top = max(top, float(np.max(np.abs(z), initial=0)))
         for (a, b), value in zip(s, z, strict=True):
             if abs(value) > threshold:

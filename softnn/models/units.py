@@ -10,7 +10,7 @@ over a history computed once and used for many strains.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,22 @@ class Units:
     @property
     def columns(self) -> int:
         return self.segments + len(self.relaxation_times)
+
+    def finer(self, branches_too: bool = True) -> Units:
+        """The same base with a knot between any two, and a time where it has a grid.
+
+        >>> Units("pl-wiechert", (0.0, 1.0, 2.0), (1.0, 4.0)).finer()
+        Units(name='pl-wiechert', knots=(0.0, 0.5, 1.0, 1.5, 2.0), \
+relaxation_times=(1.0, 2.0, 4.0))
+        """
+        knots, times = np.array(self.knots), np.array(self.relaxation_times)
+        if self.segments > 1:
+            knots = np.sort(np.append(knots, (knots[1:] + knots[:-1]) / 2))
+        if branches_too and self.name.endswith("wiechert"):
+            times = np.sort(np.append(times, np.sqrt(times[1:] * times[:-1])))
+        return replace(
+            self, knots=tuple(knots.tolist()), relaxation_times=tuple(times.tolist())
+        )
 
     def springs(self, strain: Array) -> Array:
         """Strain taken by each segment, (n, segments); they add up to the strain."""

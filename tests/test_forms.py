@@ -1,0 +1,169 @@
+"""Forms of effects: what a distortion of the first takes up is no second effect."""
+
+import numpy as np
+import pytest
+
+from softnn import noise
+from softnn.contracts import Chunk
+from softnn.effects import effect
+from softnn.fit import Data, Engine, Guess, Piece, fit, span
+from softnn.mismatch import forms
+from softnn.models.units import Units
+from softnn.simulate import Term, simulate
+
+BASE = Units("wiechert", (0.0, 1.0), (0.5, 5.0))
+
+
+def programme(peaks, period=6.0, n=600):
+    knots = np.concatenate([[0.0], np.ravel([[p, 0.0] for p in peaks])])
+    time = np.linspace(0, period * len(peaks), n)
+    return time, np.interp(time, np.linspace(0, time[-1], len(knots)), knots)
+
+
+def recorded(law, values, sigma=1e-3, seed=0):
+    rng = np.random.default_rng(seed)
+    chunks = [Chunk(*programme(p)) for p in ((0.4,), (0.2, 0.4, 0.6), (0.6, 0.6, 0.3))]
+    stress = simulate(
+        BASE, np.array([1.0, 0.3, 0.2]), [Term(effect(law), values)], chunks
+    )
+    return Data(
+        ("a", "b", "c"),
+        tuple(chunks),
+        tuple(s + sigma * rng.standard_normal(len(s)) for s in stress),
+    )
+
+
+def fitted(engine, law, values, free=None):
+    one = effect(law)
+    free = tuple(p.name for p in one.parameters) if free is None else free
+    piece = Piece(one, one.defaults() | values, free)
+    return fit(engine, Guess(BASE, np.array([1.0, 0.3, 0.2]), (piece,)))
+
+
+@pytest.fixture
+def softened():
+    law = effect("mullins_softening")
+    values = law.defaults() | dict(law.starts(recorded_scales())[0])
+    data = recorded("mullins_softening", values)
+    engine = Engine(data, [np.full(600, 1e-3)] * 3, [0.0] * 3)
+    return engine, values
+
+
+def recorded_scales():
+    time, strain = programme((0.6,))
+    return Data(("a",), (Chunk(time, strain),), (strain,)).scales()
+
+
+def test_a_distorted_law_is_taken_up_by_its_distortions(softened):
+    engine, values = softened
+    # Held at a depth that is wrong by a fifth: a plain fit misses, distortions do not.
+    law = effect("mullins_softening")
+    wrong = values | {law.amplitude: 0.8 * values[law.amplitude]}
+    held = fitted(engine, "mullins_softening", wrong, free=())
+    n = len(engine.target)
+    assert held.chi2 > 1.5 * n
+    taken = forms.beyond(engine, held, forms.distortions(engine, held))
+    assert taken < 1.15 * n
+    assert taken < 0.2 * held.chi2
+
+
+def test_distortions_do_not_take_up_another_effect():
+    # A periodic force is no distortion of a softening, however bent.
+    law = effect("mullins_softening")
+    values = law.defaults() | dict(law.starts(recorded_scales())[0])
+    data = recorded("mullins_softening", values)
+    hum = tuple(
+        s + 0.01 * np.sin(9 * c.time_s)
+        for s, c in zip(data.stress_MPa, data.chunks, strict=True)
+    )
+    engine = Engine(
+        Data(data.names, data.chunks, hum), [np.full(600, 1e-3)] * 3, [0.0] * 3
+    )
+    found = fitted(engine, "mullins_softening", values)
+    left = forms.beyond(engine, found, forms.distortions(engine, found))
+    assert left > 0.9 * found.chi2
+
+
+def test_distortions_of_effects_not_named_are_left_out(softened):
+    engine, values = softened
+    found = fitted(engine, "mullins_softening", values)
+    assert forms.distortions(engine, found, {"inertia"}).shape == (
+        len(engine.target),
+        0,
+    )
+
+
+def test_blind_is_the_fit_with_the_columns_free():
+    time, strain = programme((0.5, 0.5))
+    rng = np.random.default_rng(1)
+    extra = np.sin(3 * time)
+    stress = 2.0 * strain + 0.3 * extra + 0.01 * rng.standard_normal(len(time))
+    engine = Engine(Data(("a",), (Chunk(time, strain),), (stress,)))
+    hooke = Units("hooke", (0.0, 0.5))
+    with engine.blind(extra[:, None]):
+        found = fit(engine, Guess(hooke, np.ones(1)))
+    both = np.linalg.lstsq(np.stack([strain, extra], axis=1), stress, rcond=None)
+    assert found.guess.stiffness[0] == pytest.approx(both[0][0], rel=1e-9)
+    assert found.chi2 == pytest.approx(float(both[1][0]), rel=1e-9)
+    # Outside, the columns are seen again.
+    assert fit(engine, found.guess).chi2 > 10 * found.chi2
+
+
+def test_span_leaves_out_columns_that_depend_on_others():
+    x = np.random.default_rng(2).standard_normal((40, 3))
+    q = span(np.column_stack([x, x @ [1.0, 2.0, -1.0], np.zeros(40)]))
+    assert q.shape == (40, 3)
+    np.testing.assert_allclose(q.T @ q, np.eye(3), atol=1e-9)
+
+
+def test_a_finer_base_starts_from_the_same_stress():
+    units = Units("pl-wiechert", (0.0, 0.25, 0.5), (0.5, 5.0))
+    time, strain = programme((0.5, 0.3))
+    engine = Engine(Data(("a",), (Chunk(time, strain),), (strain + strain**2,)))
+    coarse = fit(engine, Guess(units, np.ones(units.columns)))
+    fine = forms.finer(engine, coarse)
+    assert fine.guess.units.segments == 4
+    assert len(fine.guess.units.relaxation_times) == 3
+    assert fine.chi2 < coarse.chi2
+
+
+def test_memory_is_allowed_for_after_gaps_alone():
+    time, strain = programme((0.5, 0.3))
+    whole = Engine(Data(("a",), (Chunk(time, strain),), (strain,)))
+    found = fit(whole, Guess(BASE, np.ones(3)))
+    assert forms.memories(whole, found).shape[1] == 0
+    keep = (time < 3) | (time > 5)
+    torn = Engine(Data(("a",), (Chunk(time[keep], strain[keep]),), (strain[keep],)))
+    live = replace_stiffness(found, np.ones(3))
+    columns = forms.memories(torn, live)
+    assert columns.shape == (int(keep.sum()), 2)
+    assert np.all(columns[time[keep] < 3] == 0)
+    assert np.all(np.diff(columns[time[keep] > 5], axis=0) < 0)
+
+
+def replace_stiffness(found, stiffness):
+    from dataclasses import replace
+
+    return replace(found, guess=replace(found.guess, stiffness=stiffness))
+
+
+@pytest.mark.parametrize("tau", [0.1, 0.3, 0.8, 2.0])
+def test_correlation_of_long_memory_is_found(tau):
+    # Ornstein-Uhlenbeck, exact between samples; clocks as recordings have them.
+    found, level = [], []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        clocks = ((1500, 0.03), (2000, 0.03), (700, 0.03), (1300, 0.35), (3000, 0.03))
+        times = [np.arange(n) * dt for n, dt in clocks]
+        rows = []
+        for t in times:
+            keep = np.exp(-(t[1] - t[0]) / tau)
+            x = rng.standard_normal(len(t))
+            for i in range(1, len(t)):
+                x[i] = keep * x[i - 1] + np.sqrt(1 - keep**2) * x[i]
+            rows.append(x)
+        result = noise.estimate(rows, [50 * np.sin(t) for t in times], times)
+        found.append(result[0].correlation_s)
+        level.append(result[0].floor_MPa)
+    assert np.median(found) == pytest.approx(tau, rel=0.25)
+    assert np.median(level) == pytest.approx(1.0, rel=0.15)
