@@ -153,6 +153,9 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
                 "comparison.csv": as_csv(rows),
                 "neurons.csv": as_csv([count_row(t) for t in grid]),
                 "best.json": json.dumps(plain(configuration(best, settings)), indent=1),
+                "network.json": json.dumps(
+                    sweep.trainer.whole(best.parameters).source, indent=1
+                ),
             },
             tags={"best": f"{best.parameters['neurons']} neurons"},
         )

@@ -10,7 +10,14 @@ import numpy as np
 
 from softnn.crossval import Folds, make_folds, rate_groups, score
 from softnn.metrics import nrmse
-from softnn.neural import Regularisation, Samples, Trained, samples, train
+from softnn.neural import (
+    Regularisation,
+    Samples,
+    StoredNetwork,
+    Trained,
+    samples,
+    train,
+)
 from studies.material_data import Data
 from studies.settings import Settings
 
@@ -64,6 +71,20 @@ class Trainer:
             seeds=[seed * 1000 + i for i in range(number)],
             regularisation=Regularisation.parse(chosen["regularisation"]),
         )
+
+    def whole(self, parameters: Mapping[str, Any]) -> StoredNetwork:
+        """One network trained on every sample, for use outside the study."""
+        chosen = asdict(self.settings) | dict(parameters)
+        known = self.samples(chosen["inputs"])
+        one = train(
+            known.inputs,
+            known.target,
+            neurons=[chosen["neurons"]],
+            train_mask=np.ones((1, len(known.target)), bool),
+            seeds=[chosen.get("folds_seed", self.settings.seed) * 1000],
+            regularisation=Regularisation.parse(chosen["regularisation"]),
+        )[0]
+        return StoredNetwork(one.network, chosen["inputs"], known.lag_s)
 
     def __call__(self, parameters: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
         chosen = asdict(self.settings) | dict(parameters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from softnn.mismatch.learn import Learned, learn
 from softnn.mismatch.model_file import Stored, to_dict
 from softnn.noise import Noise
 from softnn.recording import data_hash
+
+if TYPE_CHECKING:
+    from softnn.neural import StoredNetwork
 
 VERSION = 1
 SEARCH = 1000  # samples a recording while searching
@@ -57,7 +60,9 @@ class Diagnosis:
         return str(self.result["summary"])
 
 
-def diagnose(case: Case, model: str | Stored | None = None, seed: int = 0) -> Diagnosis:
+def diagnose(
+    case: Case, model: str | Stored | StoredNetwork | None = None, seed: int = 0
+) -> Diagnosis:
     """Diagnose a case with the base `model`.
 
     None takes the model the case names, else its `simulated_MPa`, else pl-wiechert. A
@@ -67,7 +72,9 @@ def diagnose(case: Case, model: str | Stored | None = None, seed: int = 0) -> Di
     clock = time.perf_counter()
     rng = np.random.default_rng(seed)
     chosen = model if model is not None else case.model
-    if isinstance(chosen, Stored):
+    source = None
+    if chosen is not None and not isinstance(chosen, str):
+        source = chosen.source
         case = _simulated_by(case, chosen)
         chosen = None
     elif chosen is not None:
@@ -97,8 +104,14 @@ def diagnose(case: Case, model: str | Stored | None = None, seed: int = 0) -> Di
     return Diagnosis(
         case,
         result,
-        to_dict(corrected, recordings, case.history, base.fixed, extra),
-        to_dict(full.before.guess, recordings, case.history, base.fixed),
+        to_dict(corrected, recordings, case.history, base.fixed, extra, source),
+        to_dict(
+            full.before.guess,
+            recordings,
+            case.history,
+            base.fixed,
+            simulation=source,
+        ),
         [c.time_s for c in full.engine.data.chunks],
         [c.strain for c in full.engine.data.chunks],
         list(full.engine.data.stress_MPa),
@@ -116,7 +129,7 @@ def _base(case: Case, finer: Case, model: str | None) -> Baseline:
     return baseline(data, model or DEFAULT, case.groups(), fine)
 
 
-def _simulated_by(case: Case, stored: Stored) -> Case:
+def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
     """The case with the stress of a stored model as its simulation."""
     data = to_data(case)
     given_ = data.simulated_MPa or [None] * len(data.chunks)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +16,11 @@ from softnn.fit import Guess, Piece
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
 
+if TYPE_CHECKING:
+    from softnn.neural import StoredNetwork
+
 VERSION = 1
-KIND = "softnn-model"
+KIND, NETWORK = "softnn-model", "softnn-network"
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class Stored:
     """A model as stored: base, stiffnesses, effects, and what was learned, if anything.
 
     `own` holds, per effect and parameter, the values of single recordings by name.
+    `simulation` is the model that this one corrects, where that is a stored one too.
     """
 
     units: Units
@@ -34,7 +38,8 @@ class Stored:
     needs_simulated: bool
     history: str
     learned: dict[str, Any] | None = None
-    network: dict[str, Any] | None = None
+    simulation: Stored | StoredNetwork | None = None
+    source: dict[str, Any] | None = None  # as the file holds it
 
     def stress(
         self,
@@ -56,6 +61,8 @@ class Stored:
                 )
             terms.append(Term(piece.effect, values))
         out = simulate(self.units, self.stiffness, terms, chunks, follow)
+        if self.simulation is not None:
+            simulated = self.simulation.stress(names, chunks, simulated, continued)
         if self.needs_simulated:
             plain = simulate(self.units, self.stiffness, [], chunks, follow)
             for i, given in enumerate(simulated):
@@ -84,6 +91,7 @@ def to_dict(
     history: str,
     needs_simulated: bool,
     learned: Mapping[str, Any] | None = None,
+    simulation: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """A guess as model.json; readable, and stable under writing and reading."""
     effects = []
@@ -119,11 +127,15 @@ def to_dict(
         },
         "effects": effects,
         "learned": None if learned is None else dict(learned),
+        "simulation": None if simulation is None else dict(simulation),
     }
 
 
-def read_model(path: str | Path) -> Stored:
-    """A model.json. Raises `InputError` naming what is wrong with it."""
+def read_model(path: str | Path) -> Stored | StoredNetwork:
+    """A model.json, or the file of a trained network.
+
+    Raises `InputError` naming what is wrong with it.
+    """
     path = Path(path)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -134,7 +146,14 @@ def read_model(path: str | Path) -> Stored:
     return from_dict(data, path)
 
 
-def from_dict(data: Any, path: Path | None = None) -> Stored:
+def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
+    if isinstance(data, dict) and data.get("kind") == NETWORK:
+        from softnn.neural import stored
+
+        try:
+            return stored.from_dict(data)
+        except InputError as error:
+            raise InputError(str(error), file=path) from None
     if not isinstance(data, dict) or data.get("kind") != KIND:
         raise InputError(f"no model.json of softnn (kind is not {KIND!r})", file=path)
     if data.get("version") != VERSION:
@@ -164,6 +183,8 @@ def from_dict(data: Any, path: Path | None = None) -> Stored:
             )
         history = str(data["history"])
         needs = bool(base.get("corrects_simulated_MPa", False))
+        inner = data.get("simulation")
+        simulation = None if inner is None else from_dict(inner)
     except InputError as error:
         raise InputError(str(error), file=path) from None
     except (KeyError, TypeError, ValueError) as error:
@@ -180,4 +201,6 @@ def from_dict(data: Any, path: Path | None = None) -> Stored:
         needs,
         history,
         data.get("learned"),
+        simulation,
+        data,
     )

@@ -6,15 +6,10 @@ import os
 # ten times slower as soon as anything else runs on the same cores.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-import os
-
-# Read when torch starts its threads: idle ones sleep instead of spinning, which on a
-# machine with other work would cost a network twenty times its own time.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-
 from softnn.neural.inputs import ARCHITECTURES, Architecture, Samples, samples
 from softnn.neural.levenberg import Settings
 from softnn.neural.network import Network, Scaling
+from softnn.neural.stored import StoredNetwork
 from softnn.neural.training import Regularisation, Trained, train
 
 __all__ = [
@@ -25,6 +20,7 @@ __all__ = [
     "Samples",
     "Scaling",
     "Settings",
+    "StoredNetwork",
     "Trained",
     "samples",
     "train",

@@ -1,0 +1,86 @@
+"""A trained network as a file: any machine with NumPy gets stress from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array, Chunk, InputError
+from softnn.neural.inputs import ARCHITECTURES, samples
+from softnn.neural.network import Network
+from softnn.recording import Recording
+
+KIND = "softnn-network"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class StoredNetwork:
+    """A network with the inputs it wants: stress of a strain history.
+
+    `lag_s` is the lag time of its inputs, None for one sampling step of a recording.
+    """
+
+    network: Network
+    architecture: str
+    lag_s: float | None = None
+    needs_simulated = False
+
+    @property
+    def source(self) -> dict[str, Any]:
+        """The network as its file holds it."""
+        return {
+            "kind": KIND,
+            "version": VERSION,
+            "architecture": self.architecture,
+            "lag_s": self.lag_s,
+            "network": self.network.to_dict(),
+        }
+
+    def stress(
+        self,
+        names: Sequence[str],
+        chunks: Sequence[Chunk],
+        simulated: Sequence[Array | None],
+        continued: bool | None = None,
+    ) -> list[Array]:
+        """Stress (n,) of each history, MPa; a network knows nothing of earlier ones."""
+        out = []
+        for name, chunk in zip(names, chunks, strict=True):
+            plain = Recording(
+                chunk.time_s, chunk.strain, np.zeros(len(chunk.strain)), name=name
+            )
+            known = samples([plain], self.architecture, self.lag_s)
+            if len(known.target) != len(chunk.strain):
+                raise InputError(f"{name}: a network needs strain at every sample")
+            out.append(self.network.predict(known.inputs))
+        return out
+
+
+def from_dict(given: Mapping[str, Any]) -> StoredNetwork:
+    """The network of a file's content; `InputError` for a bad one."""
+    if given.get("kind") != KIND or given.get("version") != VERSION:
+        raise InputError(
+            f"not a network of softnn: kind {given.get('kind')!r}, version "
+            f"{given.get('version')!r}; needed {KIND!r}, {VERSION}"
+        )
+    architecture = given.get("architecture")
+    if architecture not in ARCHITECTURES:
+        raise InputError(
+            f"architecture is {architecture!r}; allowed is {', '.join(ARCHITECTURES)}"
+        )
+    inner = given.get("network")
+    if not isinstance(inner, Mapping):
+        raise InputError("the file has no network in it")
+    network = Network.from_dict(inner)
+    row = ARCHITECTURES[architecture]
+    wanted, found = len(row.lags) + row.rate, network.hidden.shape[1] - 1
+    if wanted != found:
+        raise InputError(f"{architecture} has {wanted} inputs; the network has {found}")
+    lag = given.get("lag_s")
+    if lag is not None and not (isinstance(lag, int | float) and 0 < lag < np.inf):
+        raise InputError(f"lag_s is {lag!r}; it must be above 0, or null")
+    return StoredNetwork(network, architecture, lag)
