@@ -24,7 +24,7 @@ from softnn.mismatch.case import (
 )
 from softnn.mismatch.explain import Explanation, Rival, explain, score, sponge
 from softnn.mismatch.forms import finer
-from softnn.mismatch.learn import Learned, learn
+from softnn.mismatch.learn import Learned, learn, period
 from softnn.mismatch.model_file import Stored, to_dict
 from softnn.noise import Noise
 from softnn.recording import data_hash
@@ -37,6 +37,7 @@ SEARCH = 1000  # samples a recording while searching
 REPORT = 6000  # samples a recording for regions, figures and errors
 EXPLAINED, PARTLY = 0.08, 0.5  # share of the excess left, at most
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
+LINE = 2.0  # times the power that noise may show at one period, which is no noise
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
 
@@ -185,7 +186,10 @@ def _structure(
         return None
     _, top, threshold = locate.scan(base.engine, finer(base.engine, base.fit), rng)
     if verdict == "nothing_missing" and top < 1.5 * threshold:
-        return None
+        # A hum passes for the colour of the noise; its line stands out all the same.
+        line = period(base.engine, base.fit, rng)
+        if line is None or line["power"] < LINE * line["threshold"]:
+            return None
     return learn(base.engine, base.fit, rng)
 
 

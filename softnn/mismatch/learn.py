@@ -45,10 +45,19 @@ class Learned:
 
     def predict(self, chunk: Chunk) -> Array:
         """Stress to be added (n,), MPa."""
-        return self.network.predict(features(chunk, self.features))
+        return within(self.network, features(chunk, self.features))
 
     def to_dict(self) -> dict[str, Any]:
         return {"features": list(self.features), "network": self.network.to_dict()}
+
+
+def within(network: Any, x: Array) -> Array:
+    """What a network says (n,) of features (n, d), within the ranges it has seen.
+
+    A slower or longer recording than any it knows would have it extrapolate.
+    """
+    known = np.clip(x, network.inputs.low, network.inputs.high)
+    return np.clip(network.predict(known), network.target.low, network.target.high)
 
 
 def features(chunk: Chunk, names: tuple[str, ...] = FEATURES) -> Array:
@@ -115,12 +124,12 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
     for mask, one in zip(masks[:-1], trained[:-1], strict=True):
         test = ~mask
         before += float(np.sum(y_few[test] ** 2))
-        after += float(np.sum((y_few[test] - one.network.predict(x_few[test])) ** 2))
+        after += float(np.sum((y_few[test] - within(one.network, x_few[test])) ** 2))
         for j, name in enumerate(names):
             mixed = x_few[test].copy()
             mixed[:, j] = rng.permutation(mixed[:, j])
             worse[name] += float(
-                np.sum((y_few[test] - one.network.predict(mixed)) ** 2)
+                np.sum((y_few[test] - within(one.network, mixed)) ** 2)
             )
     ratio = float(np.sqrt(after / before))
     found_period = period(engine, found, rng)

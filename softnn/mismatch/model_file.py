@@ -73,13 +73,13 @@ class Stored:
                     )
                 out[i] = out[i] + given - plain[i]
         if self.learned is not None:
-            from softnn.mismatch.learn import features
+            from softnn.mismatch.learn import features, within
             from softnn.neural import Network
 
             network = Network.from_dict(self.learned["network"])
             names_ = tuple(self.learned["features"])
             out = [
-                o + network.predict(features(c, names_))
+                o + within(network, features(c, names_))
                 for o, c in zip(out, chunks, strict=True)
             ]
         return out

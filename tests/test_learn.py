@@ -1,0 +1,86 @@
+"""What no effect explains is learned: on what it depends, and with which period."""
+
+import numpy as np
+import pytest
+
+from softnn.contracts import Chunk
+from softnn.fit import Data, Engine, Guess, fit
+from softnn.mismatch.case import Case
+from softnn.mismatch.diagnosis import diagnose
+from softnn.mismatch.learn import learn, period
+from softnn.models.units import Units
+from softnn.recording import Recording
+
+HOOKE = Units("hooke", (0.0, 1.0))
+SIGMA = 0.005
+
+
+def recordings(extra, seed=0):
+    """Three triangles of different rate; `extra(time, strain)` on top of 2 MPa."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for i, (peak, seconds) in enumerate(((0.4, 40.0), (0.6, 25.0), (0.5, 60.0))):
+        time = np.arange(0, seconds, 0.1)
+        strain = peak * np.abs((4 * time / seconds + 1) % 2 - 1)
+        strain = peak - strain
+        stress = 2 * strain + extra(time, strain)
+        stress += SIGMA * rng.standard_normal(len(time))
+        out.append(Recording(time, strain, stress, name=f"r{i}"))
+    return out
+
+
+def engine_of(found):
+    chunks = tuple(Chunk(r.time_s, r.strain) for r in found)
+    data = Data(
+        tuple(r.name for r in found), chunks, tuple(r.stress_MPa for r in found)
+    )
+    return Engine(data, [np.full(len(r), SIGMA) for r in found], [0.0] * len(found))
+
+
+@pytest.mark.parametrize("seconds", [1.3, 3.7])
+def test_period_in_time_is_found(seconds):
+    found = recordings(lambda t, e: 0.03 * np.sin(2 * np.pi * t / seconds))
+    engine = engine_of(found)
+    base = fit(engine, Guess(HOOKE, np.ones(1)))
+    told = period(engine, base, np.random.default_rng(1))
+    assert told is not None
+    assert told["axis"] == "time"
+    assert told["period"] == pytest.approx(seconds, rel=0.03)
+
+
+def test_period_in_strain_is_found():
+    found = recordings(lambda t, e: 0.03 * np.sin(2 * np.pi * e / 0.05))
+    engine = engine_of(found)
+    base = fit(engine, Guess(HOOKE, np.ones(1)))
+    told = period(engine, base, np.random.default_rng(1))
+    assert told is not None
+    assert told["axis"] == "strain"
+    assert told["period"] == pytest.approx(0.05, rel=0.05)
+
+
+def test_noise_has_no_period():
+    engine = engine_of(recordings(lambda t, e: 0 * t))
+    base = fit(engine, Guess(HOOKE, np.ones(1)))
+    assert period(engine, base, np.random.default_rng(1)) is None
+
+
+def test_what_it_depends_on_is_named():
+    # More on the way up than on the way down: direction carries it, together with
+    # strain, and time or travel do not.
+    def lifted(time, strain):
+        return 0.1 * np.sign(np.gradient(strain))
+
+    engine = engine_of(recordings(lifted))
+    base = fit(engine, Guess(HOOKE, np.ones(1)))
+    told = learn(engine, base, np.random.default_rng(1))
+    assert told is not None
+    assert told.ratio < 0.4
+    assert max(told.importance, key=told.importance.get) == "direction"
+
+
+def test_an_unknown_disturbance_is_not_explained_away():
+    hum = recordings(lambda t, e: 0.06 * np.sin(2 * np.pi * t / 2.9))
+    told = diagnose(Case("hum", tuple(hum)), "hooke").result
+    assert told["verdict"] == "unexplained"
+    assert told["selected"] == []
+    assert told["structure"]["period"]["period"] == pytest.approx(2.9, rel=0.03)
