@@ -286,8 +286,8 @@ def _explanations(
         for p in law.parameters:
             value = piece.values[p.name]
             if not np.ndim(value):
-                low, high = limits.get(
-                    (index, p.name, None), (float(value), float(value))
+                low, high = verify.profiled(
+                    full.engine, full.after, index, p.name, limits
                 )
                 parameters[p.name] = {
                     "value": float(value),
@@ -341,17 +341,26 @@ def _explanations(
 
 
 def equivalent(found: Explanation, rivals: Sequence[Rival], law: Effect) -> list[str]:
-    """Rivals that reproduce the stress of the chosen effect within the noise."""
+    """Rivals that reproduce the stress of the chosen effect within the noise.
+
+    The chosen one makes the recordings anew, without noise, and the rival is fitted to
+    those.
+    """
     own = next((r for r in rivals if r.effect == law.id), None)
     if own is None:
         return []
-    engine = found.base.engine
+    engine, limit = found.base.engine, 1.6 * found.threshold
     out = []
     for rival in rivals:
         if rival.effect == law.id:
             continue
         apart = engine.whiten(rival.fit.stress - own.fit.stress)
-        if float(apart @ apart) < 1.6 * found.threshold:
+        if float(apart @ apart) > 20 * limit:
+            continue
+        with engine.made_by(own.fit.stress):
+            guess, fixed = rival.fit.guess, rival.fit.fixed_base
+            again = fit(engine, guess, fixed_base=fixed, iterations=6)
+        if again.chi2 < limit:
             out.append(rival.effect)
     return out
 

@@ -9,7 +9,7 @@ keep one part a recording; its prediction is simulated, not linearised.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array
-from softnn.fit import Engine, Fit, Guess, Slot, _bounded, get, put
+from softnn.fit import Engine, Fit, Guess, Slot, _bounded, fit, get, put
 
 BLOCKS = 10
 DAMPING = 1e-4  # of each diagonal entry, for what the others cannot determine
@@ -175,3 +175,37 @@ def intervals(found: Fit) -> dict[tuple[int, str, tuple[int, ...] | None], tuple
             slot.outside(z + 1.96 * s),
         )
     return out
+
+
+def profiled(
+    engine: Engine, found: Fit, index: int, name: str, limits: Mapping[Any, tuple]
+) -> tuple[float, float]:
+    """95 % interval of a shared parameter of piece `index` from its profile likelihood.
+
+    At each end of the interval by curvature everything else is fitted again; a parabola
+    through what that costs gives the end where it costs 1.96^2 / 2 of log-likelihood.
+    """
+    piece = found.guess.pieces[index]
+    value = float(piece.values[name])
+    slot = next((s for s in found.slots if s.piece == index and s.name == name), None)
+    if slot is None:
+        return value, value
+    n = len(found.residual)
+    scale = max(found.chi2 / max(n - found.parameters, 1), 1.0)
+    middle = slot.inside(value)
+    ends = []
+    for end in limits[index, name, None]:
+        reach = slot.inside(end) - middle
+        held = replace(
+            piece,
+            values=dict(piece.values) | {name: end},
+            free=tuple(f for f in piece.free if f != name),
+        )
+        pieces = list(found.guess.pieces)
+        pieces[index] = held
+        guess = replace(found.guess, pieces=tuple(pieces))
+        other = fit(engine, guess, fixed_base=found.fixed_base, iterations=3)
+        cost = max((other.chi2 - found.chi2) / scale, 0.0)
+        factor = np.clip(1.96 / np.sqrt(max(cost, 1e-12)), 0.3, 3.0)
+        ends.append(slot.outside(middle + factor * reach))
+    return ends[0], ends[1]
