@@ -10,8 +10,9 @@ from test_forms import BASE, fitted, recorded, recorded_scales
 from softnn.effects import effect
 from softnn.fit import Engine, fit
 from softnn.mismatch import verify
+from softnn.mismatch.contest import Rival
 from softnn.mismatch.diagnosis import equivalent
-from softnn.mismatch.explain import Explanation, Rival
+from softnn.mismatch.explain import Explanation
 
 SIGMA = 2e-3
 

@@ -22,7 +22,8 @@ from softnn.mismatch.case import (
     thin,
     to_data,
 )
-from softnn.mismatch.explain import Explanation, Rival, explain, score, sponge
+from softnn.mismatch.contest import Rival, score
+from softnn.mismatch.explain import Explanation, explain, sponge
 from softnn.mismatch.forms import finer
 from softnn.mismatch.learn import Learned, learn, period
 from softnn.mismatch.model_file import Stored, to_dict

@@ -1,8 +1,7 @@
-r"""Which physics was left out: score tests, joint refits, one effect and several.
+"""Which physics was left out: one effect and several, forward, swapped and backward.
 
-The score tests point to a few effects; those are refitted jointly with the base, and
-compete. A later effect must explain what no other form of the earlier ones could: what
-it may take up is what is left beyond their distortions (`forms`).
+A later effect must explain what no other form of the earlier ones could: what it may
+take up is what is left beyond their distortions (`forms`).
 """
 
 from __future__ import annotations
@@ -13,17 +12,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softnn import effects
-from softnn.contracts import Array, Effect
-from softnn.effects import EFFECTS
+from softnn.contracts import Effect
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, weigh
-from softnn.mismatch.forms import beyond, distortions, finer, memories
-from softnn.mismatch.screen import Lead, Screen, null_threshold
-from softnn.mismatch.verify import intervals
+from softnn.mismatch.contest import (
+    ENTRY,
+    Rival,
+    bent,
+    candidates,
+    formless,
+    names,
+    prune,
+    refine,
+    rivals,
+    score,
+    simplest,
+    without_form,
+)
+from softnn.mismatch.forms import distortions, finer, memories
 from softnn.noise import Noise
 
-ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
 MOST_EFFECTS = 3
 COARSE = 1.5  # misfit over noise, a sample, from which a finer spring may help
 FAR = 8.0  # excess of misfit over noise, a sample, that no form here comes near
@@ -35,179 +43,7 @@ LARGE = (0.25, 0.02)
 SMALL = {False: (0.6, 0.003), True: (0.8, 0.006)}
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
 DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
-NEAR = 0.8  # of the gain of a richer law, from which a simpler one may stand for it
 KNOWN = 0.01  # excess to which the level of noise is known
-
-# What a base has of its own, so that it cannot be missing from it.
-INCLUDED = {
-    "hooke": (),
-    "sls": (),
-    "wiechert": ("relaxation_branch",),
-    "pl-sls": ("nonlinear_elasticity",),
-    "pl-wiechert": ("relaxation_branch", "nonlinear_elasticity"),
-}
-
-
-def candidates(engine: Engine, base: str, fixed: bool) -> list[Effect]:
-    """Effects that these recordings and this base could show."""
-    scales = engine.data.scales()
-    warm = all(c.temperature_C is not None for c in engine.chunks)
-    out = []
-    for effect in EFFECTS:
-        if effect.needs_temperature and not (warm and scales.temperature_C > 0.5):
-            continue
-        if not fixed and effect.id in INCLUDED.get(base, ()):
-            continue
-        if effect.id == "gain_error" and not fixed and len(engine.chunks) < 2:
-            continue
-        out.append(effect)
-    return out
-
-
-def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit:
-    """The joint refit with one more piece, recordings it does not touch taken out."""
-    order = [e.id for e in EFFECTS]
-    pieces = sorted(
-        base.guess.pieces + (piece,), key=lambda p: order.index(p.effect.id)
-    )
-    guess = Guess(base.guess.units, base.guess.stiffness, tuple(pieces))
-    found = fit(engine, guess, fixed_base=base.fixed_base, iterations=iterations)
-    return prune(engine, found)
-
-
-def prune(engine: Engine, found: Fit) -> Fit:
-    """The fit without recordings in which an effect is off within its error."""
-    limits = intervals(found)
-    pieces, changed = [], False
-    for i, piece in enumerate(found.guess.pieces):
-        law = piece.effect
-        if piece.nuisance or law.amplitude not in law.per_recording:
-            pieces.append(piece)
-            continue
-        off = law.off[law.amplitude]
-        values = dict(piece.values)
-        kept = []
-        for group in piece.groups:
-            low, high = limits.get((i, law.amplitude, group), (-np.inf, np.inf))
-            middle = float(values[law.amplitude][group[0]])
-            sd = max((high - low) / 3.92, 1e-300)
-            if abs(middle - off) > 3.5 * sd:
-                kept.append(group)
-        if kept and len(kept) < len(piece.groups):
-            array = np.array(values[law.amplitude], float)
-            gone = [r for g in piece.groups if g not in kept for r in g]
-            array[gone] = off
-            values[law.amplitude] = array
-            changed = True
-            piece = replace(piece, values=values, groups=tuple(kept))
-        pieces.append(piece)
-    if not changed:
-        return found
-    guess = replace(found.guess, pieces=tuple(pieces))
-    return fit(engine, guess, fixed_base=found.fixed_base, iterations=4)
-
-
-def release(
-    engine: Engine, found: Fit, index: int, inside: bool, iterations: int = 10
-) -> Fit:
-    """The same with the shape parameters of piece `index` freed.
-
-    `inside`: they start a little inside their range; at its end some laws do not move.
-    """
-    pieces = list(found.guess.pieces)
-    piece = pieces[index]
-    values = dict(piece.values)
-    for p in piece.effect.parameters:
-        if inside and p.name in piece.effect.shape and p.scale == "linear":
-            width = 0.03 * (p.high - p.low)
-            values[p.name] = float(
-                np.clip(values[p.name], p.low + width, p.high - width)
-            )
-    names = tuple(p.name for p in piece.effect.parameters)
-    pieces[index] = replace(piece, values=values, free=names)
-    guess = replace(found.guess, pieces=tuple(pieces))
-    return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)
-
-
-@dataclass
-class Rival:
-    """An effect tried on top of a fit, at its best form."""
-
-    effect: str
-    fit: Fit
-    seconds: float
-
-
-def rivals(
-    engine: Engine,
-    base: Fit,
-    pool: Sequence[Effect],
-    rng: np.random.Generator,
-    most: int = 8,
-) -> tuple[list[Rival], float]:
-    """Effects of the pool that pass the score test, refitted, best first; threshold.
-
-    Core parameters first; the few that come near the best then get their second forms
-    and their shape parameters.
-    """
-    screen = Screen(engine, base)
-    leads: dict[str, Lead] = {}
-    atoms: list[Array] = []
-    for effect in pool:
-        if any(p.effect.id == effect.id and not p.nuisance for p in base.guess.pieces):
-            continue
-        for law in (effect, *effect.second_forms):
-            own, seen = screen.lead(law, ENTRY)
-            atoms += seen
-            for lead in own:
-                key = f"{effect.id}/{law.form}"
-                if key not in leads or lead.gain > leads[key].gain:
-                    leads[key] = lead
-    if not atoms:
-        return [], ENTRY
-    threshold = null_threshold(screen, atoms, rng)
-    passed = sorted(leads.items(), key=lambda kv: -kv[1].gain)
-    passed = [kv for kv in passed if kv[1].gain > threshold]
-    if not passed:
-        return [], threshold
-    top = passed[0][1].gain
-    found: list[Rival] = []
-    tried: dict[str, int] = {}
-    for key, lead in passed:
-        name = key.split("/")[0]
-        if lead.gain < 0.05 * top or (name not in tried and len(tried) >= most):
-            continue
-        tried[name] = tried.get(name, 0) + 1
-        clock = time.perf_counter()
-        trial = refine(engine, base, lead.piece, 6)
-        found.append(Rival(name, trial, time.perf_counter() - clock))
-    found.sort(key=lambda r: r.fit.chi2)
-    best = found[0].fit.chi2
-    out: dict[str, Rival] = {}
-    for rank, rival in enumerate(found):
-        # Within reach of the best: half the way from the base, or among the first.
-        near = rival.fit.chi2 < base.chi2 - 0.5 * (base.chi2 - best)
-        if rank < 3 or near:
-            clock = time.perf_counter()
-            index = next(
-                i
-                for i, p in enumerate(rival.fit.guess.pieces)
-                if p.effect.id == rival.effect and not p.nuisance
-            )
-            for inside in (False, True) if rank < 3 else (False,):
-                better = release(engine, rival.fit, index, inside)
-                if better.chi2 < rival.fit.chi2:
-                    rival.fit = better
-            rival.seconds += time.perf_counter() - clock
-        if rival.effect not in out or score(rival.fit) < score(out[rival.effect].fit):
-            out[rival.effect] = rival
-    return sorted(out.values(), key=lambda r: score(r.fit)), threshold
-
-
-def score(found: Fit) -> float:
-    """Whitened misfit and a price for each parameter (Schwarz); less is better."""
-    n = len(found.residual)
-    return n * np.log(found.chi2 / n) + found.parameters * np.log(n)
 
 
 @dataclass
@@ -353,10 +189,6 @@ def reweighed(base: Baseline, found: list[Rival], threshold: float) -> list[Riva
     return []
 
 
-def names(found: Fit) -> list[str]:
-    return [p.effect.id for p in found.guess.pieces if not p.nuisance]
-
-
 def further(
     engine: Engine,
     current: Fit,
@@ -395,18 +227,6 @@ def further(
         out.append(Rival(rival.effect, joint, seconds))
     ranked = sorted(out, key=lambda r: formless(engine, r.fit, set(free)))
     return simplest(engine, current, ranked), threshold
-
-
-def formless(engine: Engine, found: Fit, which: set[str]) -> float:
-    """`score` of a fit that may also distort the effects named."""
-    n = len(found.residual)
-    misfit = without_form(engine, found, which)
-    return float(n * np.log(misfit / n) + found.parameters * np.log(n))
-
-
-def without_form(engine: Engine, found: Fit, which: set[str]) -> float:
-    """Misfit of a fit that may also distort the effects named."""
-    return beyond(engine, found, distortions(engine, found, which))
 
 
 def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -> bool:
@@ -451,39 +271,6 @@ def sponge(engine: Engine, piece: Piece) -> bool:
     all of them makes up for the form of another effect.
     """
     return piece.effect.some and len(piece.groups) > 0.6 * len(engine.chunks)
-
-
-def simplest(engine: Engine, before: Fit, found: list[Rival]) -> list[Rival]:
-    """The rivals with a simpler law first where a richer one is hardly better.
-
-    A law that contains another (a flow law a linear dashpot) fits what the other makes
-    at least as well, and better still whatever else is there. So the simpler one goes
-    first where, both distorted, it does as well.
-    """
-    if not found:
-        return found
-    best = found[0]
-    price = 0.01 * (score(before) - score(best.fit))
-    gain = before.chi2 - best.fit.chi2
-    for i, rival in enumerate(found[1:3], start=1):
-        if rival.fit.parameters >= best.fit.parameters:
-            continue
-        close = score(rival.fit) < score(best.fit) + price
-        inner = rival.effect in effects.effect(best.effect).contains
-        near = before.chi2 - rival.fit.chi2 > NEAR * gain
-        if close or (
-            inner
-            and near
-            and bent(engine, rival.fit)
-            < bent(engine, best.fit) + (1 - NEAR) * gain / 50
-        ):
-            return [rival, *found[:i], *found[i + 1 :]]
-    return found
-
-
-def bent(engine: Engine, found: Fit) -> float:
-    """Misfit of a fit whose effects may all take any form."""
-    return beyond(engine, found, distortions(engine, found))
 
 
 def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:

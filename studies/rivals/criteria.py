@@ -14,7 +14,7 @@ import numpy as np
 from softnn.contracts import Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
-from softnn.mismatch.explain import release
+from softnn.mismatch.contest import release
 from softnn.mismatch.screen import Lead, Screen
 from studies.rivals import folds
 from studies.rivals.naming import Found

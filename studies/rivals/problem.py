@@ -15,7 +15,7 @@ from softnn.contracts import Array, Effect
 from softnn.fit import Data, Engine, Fit, fit
 from softnn.mismatch.base import Baseline, baseline, beyond, given
 from softnn.mismatch.case import mask_failure, mask_gaps, read_case, thin, to_data
-from softnn.mismatch.explain import candidates
+from softnn.mismatch.contest import candidates
 from softnn.mismatch.screen import Screen
 from studies.rivals import columns, folds
 
