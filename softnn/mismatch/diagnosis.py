@@ -38,7 +38,7 @@ SEARCH = 1000  # samples a recording while searching
 REPORT = 6000  # samples a recording for regions, figures and errors
 EXPLAINED, PARTLY = 0.08, 0.5  # share of the excess left, at most
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
-LINE = 2.0  # times the power that noise may show at one period, which is no noise
+LINE = 3.0  # times the power that noise may show at one period, which is no noise
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
 
