@@ -40,6 +40,7 @@ SURE = 2.0  # times the threshold of noise, which the first effect must gain
 # leave and of what they gained. One that is small beside them must leave little; and
 # less still where it has a value of its own in each recording, which fits anything.
 LARGE = (0.25, 0.02)
+THIRD = (0.5, 0.05)
 SMALL = {False: (0.6, 0.003), True: (0.8, 0.006)}
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
 DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
@@ -82,12 +83,13 @@ class Explanation:
 def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
     """Effects that account for what the base misses; none, one or several.
 
-    Where the best account stays far above the noise, no form here is close, and the
-    noise is not what to weigh by: the search is done again with all samples alike.
+    Where the best account stays far above the noise in any form, none here is close,
+    and the noise is not what to weigh by: the search is done again with all samples
+    alike.
     """
     found = search(base, rng)
     engine = base.engine
-    if found.excess_after > FAR and not engine.body:
+    if found.excess_bent > FAR and not engine.body:
         engine.body = True
         base.noise = weigh(engine, found.final)
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed)
@@ -255,7 +257,7 @@ def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -
     if len(earlier) > 1 and left < n:
         return False
     share = gain / max(left - n, KNOWN * n)
-    much, large = LARGE
+    much, large = LARGE if len(earlier) < 2 else THIRD
     clean, small = SMALL[any(p.effect.per_recording for p in new)]
     return bool(
         (share > much and gain > large * first)
