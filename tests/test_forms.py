@@ -131,12 +131,17 @@ def test_memory_is_allowed_for_after_gaps_alone():
     time, strain = programme((0.5, 0.3))
     whole = Engine(Data(("a",), (Chunk(time, strain),), (strain,)))
     found = fit(whole, Guess(BASE, np.ones(3)))
-    assert forms.memories(whole, found).shape[1] == 0
+    assert forms.memories(whole, found).columns.shape[1] == 0
+    assert forms.remembered(whole, found) == found.chi2
     keep = (time < 3) | (time > 5)
     torn = Engine(Data(("a",), (Chunk(time[keep], strain[keep]),), (strain[keep],)))
     live = replace_stiffness(found, np.ones(3))
-    columns = forms.memories(torn, live)
+    memory = forms.memories(torn, live)
+    columns = memory.columns
     assert columns.shape == (int(keep.sum()), 2)
+    # No more than strain could have come and gone in two seconds.
+    assert np.all(memory.high <= 0.5)
+    np.testing.assert_array_equal(memory.low, -memory.high)
     assert np.all(columns[time[keep] < 3] == 0)
     assert np.all(np.diff(columns[time[keep] > 5], axis=0) < 0)
 

@@ -38,6 +38,7 @@ SEARCH = 1000  # samples a recording while searching
 REPORT = 6000  # samples a recording for regions, figures and errors
 EXPLAINED, PARTLY = 0.08, 0.5  # share of the excess left, at most
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
+DOUBT = 0.25  # excess that may still be the noise, taken for too little
 LINE = 3.0  # times the power that noise may show at one period, which is no noise
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
@@ -167,7 +168,7 @@ def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
         return "nothing_missing", []
     if clear(found):
         return "explained", found.selected
-    if found.left < PARTLY:
+    if found.left < PARTLY or found.excess_after < DOUBT:
         return "partly_explained", found.selected
     return "unexplained", []
 

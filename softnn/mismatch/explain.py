@@ -29,13 +29,13 @@ from softnn.mismatch.contest import (
     simplest,
     without_form,
 )
-from softnn.mismatch.forms import distortions, finer, memories
+from softnn.mismatch.forms import distortions, finer, remembered
 from softnn.noise import Noise
 
 MOST_EFFECTS = 3
 COARSE = 1.5  # misfit over noise, a sample, from which a finer spring may help
 FAR = 8.0  # excess of misfit over noise, a sample, that no form here comes near
-SURE = 2.0  # times the threshold of noise, which the first effect must gain
+SURE = 1.7  # times the threshold of noise, which the first effect must gain
 # What a later effect must win beyond the forms of the earlier ones: shares of what they
 # leave and of what they gained. One that is small beside them must leave little; and
 # less still where it has a value of its own in each recording, which fits anything.
@@ -167,8 +167,8 @@ def enough(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
     needed = SURE * threshold
     if before.chi2 - after.chi2 < needed or score(before) - score(after) < 20:
         return False
-    with engine.blind(memories(engine, before)):
-        return finer(engine, before).chi2 - finer(engine, after).chi2 > needed
+    left = remembered(engine, finer(engine, before))
+    return left - remembered(engine, finer(engine, after)) > needed
 
 
 def reweighed(base: Baseline, found: list[Rival], threshold: float) -> list[Rival]:
@@ -206,9 +206,7 @@ def further(
     """
     if engine.body:
         return rivals(engine, current, pool, rng)
-    blind = np.concatenate(
-        [distortions(engine, current), memories(engine, current)], axis=1
-    )
+    blind = distortions(engine, current)
     held = tuple(p if p.nuisance else replace(p, free=()) for p in current.guess.pieces)
     free = {p.effect.id: p.free for p in current.guess.pieces if not p.nuisance}
     with engine.blind(blind):

@@ -8,14 +8,14 @@ than such distortions do is the form of the first.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from softnn.contracts import Array
-from softnn.fit import Engine, Fit, Guess, derivative, fit, slots, span
+from softnn.fit import Engine, Fit, Guess, _bounded, derivative, fit, slots, span
 
 GAP = 6.0  # typical intervals, beyond which something may have happened unseen
 MOST_GAPS = 3  # of a recording, the longest, whose memory is allowed for
@@ -107,17 +107,27 @@ def finer(engine: Engine, found: Fit, branches_too: bool = True) -> Fit:
     return fit(engine, guess, fixed_base=found.fixed_base, iterations=4)
 
 
-def memories(engine: Engine, found: Fit) -> Array:
-    """Changes of stress (valid, k) by what happened while nobody wrote it down.
+@dataclass(frozen=True)
+class Memory:
+    """Changes of stress (valid, k), MPa, and the multiples of each that can be."""
 
-    After a gap in time each branch of the base may remember anything; a recording that
-    goes on from another begins after a pause of unknown length, in which they forget.
+    columns: Array
+    low: Array
+    high: Array
+
+
+def memories(engine: Engine, found: Fit) -> Memory:
+    """Changes of stress by what happened while nobody wrote it down.
+
+    After a gap in time a branch of the base may remember as much strain as could have
+    come and gone in it; a recording that goes on from another begins after a pause of
+    unknown length, in which the branches forget.
     """
     units = found.guess.units
     stiffness = found.guess.stiffness[units.segments :]
     times = np.array(units.relaxation_times)
     live = stiffness > 0
-    columns = []
+    columns, low, high = [], [], []
     ends = engine.data.starts
     state, last = None, None
     for r, chunk in enumerate(engine.chunks):
@@ -126,30 +136,61 @@ def memories(engine: Engine, found: Fit) -> Array:
         )
         time = chunk.time_s
         step = np.diff(time)
+        fastest = np.max(np.abs(np.diff(chunk.strain)) / np.maximum(step, 1e-12))
+        span = float(np.ptp(chunk.strain))
         gaps = np.flatnonzero(step > GAP * np.median(step)) + 1
         shapes = []
-        for begun in time[gaps[np.argsort(-step[gaps - 1])][:MOST_GAPS]]:
-            after = np.maximum(time - begun, 0.0)[:, None]
-            shapes.append(np.exp(-after / times[live]) * (time >= begun)[:, None])
+        for gap in gaps[np.argsort(-step[gaps - 1])][:MOST_GAPS]:
+            after = np.maximum(time - time[gap], 0.0)[:, None]
+            begun = (time >= time[gap])[:, None]
+            shapes.append(np.exp(-after / times[live]) * begun)
+            most = stiffness[live] * min(fastest * step[gap - 1], span)
+            low.append(-most)
+            high.append(most)
         if engine.data.continued and last is not None and live.any():
             pause = np.quantile(times[live], [0.0, 0.5, 1.0])
-            forgotten = -np.expm1(-pause[:, None] / times) * (stiffness * last)
+            forgotten = np.expm1(-pause[:, None] / times) * (stiffness * last)
             shapes.append(np.exp(-(time - time[0])[:, None] / times) @ forgotten.T)
+            # Of any size: it also stands for what was done before the first sample.
+            low.append(np.full(len(pause), -np.inf))
+            high.append(np.full(len(pause), np.inf))
         last = branch[-1]
         for shape in shapes:
             column = np.zeros((len(engine.measured), shape.shape[1]))
             column[ends[r] : ends[r + 1]] = shape
             columns.append(column[engine.valid])
     if not columns:
-        return np.zeros((len(engine.target), 0))
-    return np.concatenate(columns, axis=1)
+        none = np.zeros(0)
+        return Memory(np.zeros((len(engine.target), 0)), none, none)
+    return Memory(
+        np.concatenate(columns, axis=1), np.concatenate(low), np.concatenate(high)
+    )
+
+
+def remembered(engine: Engine, found: Fit) -> float:
+    """Whitened misfit of a fit that may also remember what nobody wrote down."""
+    memory = memories(engine, found)
+    if not memory.columns.shape[1]:
+        return found.chi2
+    live = _live(found)
+    both = np.concatenate([live, engine.whiten(memory.columns)], axis=1)
+    free = np.full(live.shape[1], np.inf)
+    low, high = np.concatenate([-free, memory.low]), np.concatenate([free, memory.high])
+    start = np.zeros(both.shape[1])
+    x = _bounded(both.T @ both, both.T @ found.residual, low, high, start)
+    return float(np.sum((found.residual - both @ x) ** 2))
+
+
+def _live(found: Fit) -> Array:
+    """Whitened derivatives by what is free in a fit; stiffnesses at zero stay there."""
+    k = len(found.guess.stiffness)
+    live = np.ones(found.jacobian.shape[1], bool)
+    live[:k] = (found.guess.stiffness > 0) & (not found.fixed_base)
+    return found.jacobian[:, live]
 
 
 def beyond(engine: Engine, found: Fit, columns: Array) -> float:
     """Whitened misfit of a fit when it may also use `columns`, linearised."""
-    k = len(found.guess.stiffness)
-    live = np.ones(found.jacobian.shape[1], bool)
-    live[:k] = (found.guess.stiffness > 0) & (not found.fixed_base)
-    both = np.concatenate([found.jacobian[:, live], engine.whiten(columns)], axis=1)
+    both = np.concatenate([_live(found), engine.whiten(columns)], axis=1)
     q = span(both)
     return float(found.chi2 - np.sum((q.T @ found.residual) ** 2))

@@ -113,7 +113,7 @@ def scan(
         [
             found.jacobian[:, :k][:, live & (not found.fixed_base)],
             found.jacobian[:, k:],
-            engine.whiten(memories(engine, found)),
+            engine.whiten(memories(engine, found).columns),
         ],
         axis=1,
     )
