@@ -257,6 +257,7 @@ def track(
     note: str,
     files: Sequence[Path],
     uri: str | None,
+    study: str = "concealed",
 ) -> None:
     """One MLflow run for the trial, with its figures and its table."""
     from softnn.tracking import Tracker
@@ -265,8 +266,8 @@ def track(
     label = f"{record['label']}/"
     with Tracker(
         uri or f"sqlite:///{(home / 'mlflow.db').as_posix()}",
-        "concealed",
-        study=f"concealed {record['label']}",
+        study,
+        study=f"{study} {record['label']}",
         identity=fingerprint(dict(record)),
         name=f"{record['label']} seed {record['seed']}",
         parameters={k: record[k] for k in ("strength", "seed", "cases", "jobs")},

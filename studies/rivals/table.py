@@ -12,8 +12,6 @@ from studies.common import (
     COLOURS,
     FAINT,
     INK,
-    RUNS,
-    fingerprint,
     markdown,
     new_figure,
     percent,
@@ -22,6 +20,7 @@ from studies.common import (
     write_result,
 )
 from studies.concealed import scoring
+from studies.concealed.reporting import track
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -246,36 +245,5 @@ def report(
         folder=where,
     )
     figures = save_figure(figure(rows, what), f"rivals-{label}", where)
-    track(record, headline, note, [written, *figures, folder / "seal.json"], tracking)
-
-
-def track(
-    record: Mapping[str, Any],
-    headline: Mapping[str, float | None],
-    note: str,
-    files: Sequence[Path],
-    uri: str | None,
-) -> None:
-    """One MLflow run for the comparison, with its figure and its table."""
-    from softnn.tracking import Tracker
-
-    home = RUNS / "smoke" if record["smoke"] else RUNS
-    label = f"{record['label']}/"
-    with Tracker(
-        uri or f"sqlite:///{(home / 'mlflow.db').as_posix()}",
-        "rivals",
-        study=f"rivals {record['label']}",
-        identity=fingerprint(dict(record)),
-        name=f"{record['label']} seed {record['seed']}",
-        parameters={k: record[k] for k in ("strength", "seed", "cases", "jobs")},
-        data=("sealed key", str(record["key_sha256"])),
-    ) as tracker:
-        tracker.result(
-            {
-                k.removeprefix(label): v
-                for k, v in headline.items()
-                if v is not None and k.startswith(label)
-            },
-            note=note,
-            files=files,
-        )
+    files = [written, *figures, folder / "seal.json"]
+    track(record, headline, note, files, tracking, "rivals")
