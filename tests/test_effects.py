@@ -13,10 +13,11 @@ import softnn.effects
 from softnn.contracts import Chunk, Effect, InputError, Scales
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
+from softnn.mismatch.strangers import STRANGERS
 from softnn.models.units import Units
 from softnn.simulate import Term, measured, reach, simulate
 
-LAWS = [law for e in EFFECTS for law in (e, *e.second_forms)]
+LAWS = [law for e in EFFECTS for law in (e, *e.second_forms)] + [*STRANGERS]
 UNITS = Units("pl-wiechert", (-1.0, 0.0, 0.4, 1.0), (0.3, 5.0))
 STIFFNESS = np.array([0.8, 0.9, 1.4, 0.5, 0.4])
 IDS = [law.form for law in LAWS]

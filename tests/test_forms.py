@@ -8,6 +8,8 @@ from softnn.contracts import Chunk
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, span
 from softnn.mismatch import forms
+from softnn.mismatch.contest import rivals
+from softnn.mismatch.explain import adds
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
 
@@ -172,3 +174,38 @@ def test_correlation_of_long_memory_is_found(tau):
         level.append(result[0].floor_MPa)
     assert np.median(found) == pytest.approx(tau, rel=0.25)
     assert np.median(level) == pytest.approx(1.0, rel=0.15)
+
+
+def test_what_a_distortion_takes_up_is_no_later_effect(softened):
+    engine, values = softened
+    law = effect("mullins_softening")
+    wrong = values | {law.amplitude: 0.7 * values[law.amplitude]}
+    stiffness = np.array([1.0, 0.3, 0.2])
+    held = Piece(law, law.defaults() | wrong, ())
+    base = fit(engine, Guess(BASE, stiffness))
+    before = fit(engine, Guess(BASE, stiffness, (held,)))
+    pool = [effect("friction_hysteresis")]
+    (found,), _ = rivals(engine, before, pool, np.random.default_rng(0))
+    # By the plain misfit it is a large gain, and a large part of what was left.
+    n = len(engine.target)
+    assert before.chi2 - found.fit.chi2 > 0.5 * (before.chi2 - n)
+    assert before.chi2 - found.fit.chi2 > 0.03 * (base.chi2 - before.chi2)
+    assert not adds(engine, base, before, found.fit, threshold=15.0)
+
+
+def test_what_no_distortion_takes_up_is_a_later_effect(softened):
+    engine, values = softened
+    law, later = effect("mullins_softening"), effect("zero_offset")
+    shift = np.array([0.0, 0.02, 0.0])
+    data = engine.data
+    moved = tuple(s + d for s, d in zip(data.stress_MPa, shift, strict=True))
+    engine = Engine(
+        Data(data.names, data.chunks, moved), [np.full(600, 1e-3)] * 3, [0.0] * 3
+    )
+    stiffness = np.array([1.0, 0.3, 0.2])
+    held = Piece(law, law.defaults() | values, (law.amplitude,))
+    more = Piece(later, {"offset_MPa": shift}, ("offset_MPa",), ((1,),))
+    base = fit(engine, Guess(BASE, stiffness))
+    before = fit(engine, Guess(BASE, stiffness, (held,)))
+    after = fit(engine, Guess(BASE, stiffness, (held, more)))
+    assert adds(engine, base, before, after, threshold=15.0)

@@ -116,6 +116,20 @@ def test_two_effects_are_both_named(tmp_path):
     assert sorted(found.result["selected"]) == ["mullins_softening", "sensor_lag"]
 
 
+def test_what_is_on_no_list_is_named_after_nothing_on_it(tmp_path):
+    # Wear with the time under load, by a law of its own: nearest come drift and slip.
+    worn = []
+    for c, s in zip(
+        histories(), simulate(UNITS, STIFFNESS, [], histories()), strict=True
+    ):
+        wear = np.concatenate([[0], np.cumsum(np.diff(c.time_s) * c.strain[1:] ** 2)])
+        worn.append(s * np.exp(-0.03 * wear))
+    found = diagnose(read_case(write_case(tmp_path / "worn", stress=worn)))
+    assert found.result["verdict"] == "unexplained"
+    assert found.result["selected"] == []
+    assert "wears with the time under load" in found.summary
+
+
 def test_offsets_in_two_recordings_are_told_by_name(tmp_path):
     own = np.array([0, 0.03, 0, 0, -0.02])
     offset = Term(effect("zero_offset"), {"offset_MPa": own})

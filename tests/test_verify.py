@@ -53,7 +53,7 @@ def explained(engine, own, rivals):
 
     base = Base()
     base.engine = engine
-    return Explanation(base, [], own, [], 15.0, 1.0, 0.0, 0.0, rivals)
+    return Explanation(base, [], own, [], 15.0, 1.0, 0.0, 0.0, rivals, [])
 
 
 def test_a_flow_law_is_equivalent_to_the_branch_it_contains():

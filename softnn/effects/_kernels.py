@@ -151,3 +151,42 @@ def reversals(strain, band, state, out):
             count,
             peak,
         )
+
+
+@numba.njit(cache=True)
+def structure(step, travel, rebuild, breaking, carried, out):
+    """Structure 0..1, rebuilt by rest and broken by travel; exact between samples."""
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if travel.shape[1] > 1 else 0
+        up = 1.0 / rebuild[s if rebuild.size > 1 else 0]
+        k = breaking[s if breaking.size > 1 else 0]
+        x = carried[s]
+        for i in range(n):
+            if step[i] > 0.0:
+                pace = up + k * travel[i, j] / step[i]
+                rest = up / pace
+                x = rest + (x - rest) * np.exp(-pace * step[i])
+            out[i, s] = x
+        carried[s] = x
+
+
+@numba.njit(cache=True)
+def valve(step, increment, time, faster, carried, out):
+    """Unit stress of a branch loaded on the way up alone, forgetting faster after."""
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if increment.shape[1] > 1 else 0
+        tau = time[s if time.size > 1 else 0]
+        r = faster[s if faster.size > 1 else 0]
+        q = carried[s]
+        for i in range(n):
+            up = increment[i, j]
+            if up > 0.0:
+                x = step[i] / tau
+                lost = -np.expm1(-x)
+                q = (1.0 - lost) * q + (lost / x if x > 1e-9 else 1.0 - 0.5 * x) * up
+            else:
+                q = q * np.exp(-step[i] * r / tau)
+            out[i, s] = q
+        carried[s] = q

@@ -45,7 +45,7 @@ class SensorLag(Effect):
 
     @property
     def second_forms(self):
-        return (Delay(),)
+        return (Delay(), DelayedLag())
 
     def after(self, p, signal, state):
         from softnn.effects._kernels import first_order
@@ -82,7 +82,7 @@ class Delay(SensorLag):
     """
 
     parameters = SensorLag.parameters[:1]
-    shape = ()
+    shape: tuple[str, ...] = ()
 
     def after(self, p, signal, state):
         tau = p["time_constant_s"]
@@ -104,6 +104,35 @@ class Delay(SensorLag):
         )
         keep = max(int(np.searchsorted(time, time[-1] - LONGEST_S)) - 1, 0)
         return replace(signal, stress=out), (time[keep:], x[keep:])
+
+
+class DelayedLag(Delay):
+    r"""A delay, then a lag of second order: filters of many poles and running means.
+
+    .. math:: \sigma_1(t) = \sigma(t - T), \quad
+              \tau_1 \dot\sigma_2 + \sigma_2 = \sigma_1, \quad
+              \tau_2 \dot\sigma_{out} + \sigma_{out} = \sigma_2
+
+    time_constant T in s, poles tau_1 and tau_2 as shares of it.
+    """
+
+    parameters = Delay.parameters + (
+        Parameter("pole", "-", 0.0, 5.0, 1.0, meaning="tau_1 over T"),
+        Parameter("second", "-", 0.0, 5.0, 0.0, meaning="tau_2 over T"),
+    )
+    shape = ("second",)
+
+    def after(self, p, signal, state):
+        waiting, settled = (None, None) if state is None else state
+        signal, waiting = super().after(p, signal, waiting)
+        tau = p["time_constant_s"]
+        lag = {"time_constant_s": tau * p["pole"], "second": np.ones(1)}
+        lag["second"] = p["second"] / np.maximum(p["pole"], 1e-9)
+        signal, settled = SensorLag.after(self, lag, signal, settled)
+        return signal, (waiting, settled)
+
+    def starts(self, scales):
+        return [s | {"pole": 1.0, "second": 0.0} for s in super().starts(scales)]
 
 
 def _at(when, time, x):

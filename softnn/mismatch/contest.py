@@ -18,6 +18,7 @@ from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.forms import beyond, distortions
 from softnn.mismatch.screen import Lead, Screen, null_threshold
+from softnn.mismatch.strangers import STRANGERS
 from softnn.mismatch.verify import intervals
 
 ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
@@ -126,13 +127,18 @@ def rivals(
 
 def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit:
     """The joint refit with one more piece, recordings it does not touch taken out."""
-    order = [e.id for e in EFFECTS]
-    pieces = sorted(
-        base.guess.pieces + (piece,), key=lambda p: order.index(p.effect.id)
-    )
+    pieces = sorted(base.guess.pieces + (piece,), key=lambda p: turn(p.effect))
     guess = Guess(base.guess.units, base.guess.stiffness, tuple(pieces))
     found = fit(engine, guess, fixed_base=base.fixed_base, iterations=iterations)
     return prune(engine, found)
+
+
+def turn(law: Effect) -> int:
+    """When an effect acts; one that is on no list, as the last of the material."""
+    for i, known in enumerate(EFFECTS):
+        if known.id == law.id or (known.stage == "sensor" and law.stage != "sensor"):
+            return i
+    return len(EFFECTS)
 
 
 def prune(engine: Engine, found: Fit) -> Fit:
@@ -215,6 +221,27 @@ def simplest(engine: Engine, before: Fit, found: list[Rival]) -> list[Rival]:
         ):
             return [rival, *found[:i], *found[i + 1 :]]
     return found
+
+
+def strangers(engine: Engine, base: Fit) -> list[Rival]:
+    """What laws on no list make of what a base misses, best first."""
+    screen = Screen(engine, base)
+    out = []
+    for law in STRANGERS:
+        clock = time.perf_counter()
+        leads, _ = screen.lead(law, ENTRY)
+        if not leads:
+            continue
+        lead = max(leads, key=lambda x: x.gain)
+        trial = refine(engine, base, lead.piece, 8)
+        index = trial.guess.pieces.index(
+            next(p for p in trial.guess.pieces if p.effect.id == law.id)
+        )
+        better = release(engine, trial, index, False)
+        if better.chi2 < trial.chi2:
+            trial = better
+        out.append(Rival(law.id, trial, time.perf_counter() - clock))
+    return sorted(out, key=lambda r: score(r.fit))
 
 
 def score(found: Fit) -> float:

@@ -23,10 +23,11 @@ from softnn.mismatch.case import (
     to_data,
 )
 from softnn.mismatch.contest import Rival, score
-from softnn.mismatch.explain import Explanation, explain, sponge
+from softnn.mismatch.explain import TEMPER, Explanation, explain, sponge
 from softnn.mismatch.forms import finer
 from softnn.mismatch.learn import Learned, learn, period
 from softnn.mismatch.model_file import Stored, to_dict
+from softnn.mismatch.strangers import words
 from softnn.noise import Noise
 from softnn.recording import data_hash
 
@@ -40,6 +41,7 @@ EXPLAINED, PARTLY = 0.08, 0.5  # share of the excess left, at most
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
 DOUBT = 0.25  # excess that may still be the noise, taken for too little
 LINE = 3.0  # times the power that noise may show at one period, which is no noise
+STRANGE = 3.0  # odds from which on what is there is on no list
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
 
@@ -166,6 +168,8 @@ def _at_full(case: Case, base: Baseline, found: Explanation) -> _Full:
 def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
     if not found.steps:
         return "nothing_missing", []
+    if found.odds_of_strangers > STRANGE:
+        return "unexplained", []
     if clear(found):
         return "explained", found.selected
     if found.left < PARTLY or found.excess_after < DOUBT:
@@ -377,7 +381,7 @@ def _probability(found: Explanation, rivals: Sequence[Rival], piece: Piece) -> f
     scores = np.array([score(r.fit) for r in rivals])
     if not len(scores):
         return 0.0
-    weight = np.exp(-(scores - scores.min()) / 10)
+    weight = np.exp(-(scores - scores.min()) / TEMPER)
     weight /= weight.sum()
     own = next((i for i, r in enumerate(rivals) if r.effect == name), None)
     # With much left unexplained a good fit names the nearest effect, not the right one:
@@ -389,7 +393,7 @@ def _probability(found: Explanation, rivals: Sequence[Rival], piece: Piece) -> f
     )
     # An effect that came in by exchange had its rivals all tried against it.
     chance = 1.0 if own is None or rivals[0].effect != name else float(weight[own])
-    return round(chance * trust, 4)
+    return round(chance * trust / (1 + found.odds_of_strangers), 4)
 
 
 def _candidates(base: Baseline, found: Explanation) -> list[dict[str, Any]]:
@@ -469,6 +473,8 @@ def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> st
                 f" It comes back every {period['period']:.3g} {period['unit']} of "
                 f"{period['axis']}."
             )
+        if verdict == "unexplained" and found.odds_of_strangers > STRANGE:
+            told += f" It behaves like {words(found.strangers[0].effect)}."
         return PHRASES[verdict].format(
             before=percent(fit_["before"]["heldout_nrmse"]),
             noise=percent(fit_["noise_nrmse"]),

@@ -27,9 +27,11 @@ from softnn.mismatch.contest import (
     rivals,
     score,
     simplest,
+    strangers,
     without_form,
 )
 from softnn.mismatch.forms import distortions, finer, remembered
+from softnn.mismatch.verify import heldout
 from softnn.noise import Noise
 
 MOST_EFFECTS = 3
@@ -39,11 +41,15 @@ SURE = 1.7  # times the threshold of noise, which the first effect must gain
 # What a later effect must win beyond the forms of the earlier ones: shares of what they
 # leave and of what they gained. One that is small beside them must leave little; and
 # less still where it has a value of its own in each recording, which fits anything.
-LARGE = (0.25, 0.02)
+LARGE = ((0.5, 0.02), (0.25, 0.15))
 THIRD = (0.5, 0.05)
 SMALL = {False: (0.6, 0.003), True: (0.8, 0.006)}
+LITTLE = 0.3  # of what earlier effects gained, which anything scattered can take
+PLAIN = 0.5  # of the size that SMALL asks, beside effects of the measuring chain alone
+SCATTERED = 12.0  # times the threshold, for one of single recordings that is small
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
 DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
+TEMPER = 10.0  # of a difference of score: no form is true, so it counts a fifth
 KNOWN = 0.01  # excess to which the level of noise is known
 
 
@@ -69,6 +75,7 @@ class Explanation:
     excess_after: float  # the same with the effects
     excess_bent: float  # the same with the effects in any form
     first: list[Rival]  # all rivals for the first effect, best first
+    strangers: list[Rival]  # laws that are on no list, best first
 
     @property
     def selected(self) -> list[str]:
@@ -78,6 +85,12 @@ class Explanation:
     def left(self) -> float:
         """Share of the excess that the effects do not explain."""
         return max(self.excess_after, 0.0) / max(self.excess_before, 1e-9)
+
+    @property
+    def odds_of_strangers(self) -> float:
+        """Weight of what is on no list against the effects taken in, tempered."""
+        apart = [score(s.fit) - score(self.final) for s in self.strangers]
+        return float(sum(np.exp(np.clip(-x / TEMPER, -50, 50)) for x in apart))
 
 
 def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
@@ -135,6 +148,7 @@ def search(base: Baseline, rng: np.random.Generator) -> Explanation:
         steps[-1].fit = current
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=4)
     current = backward(engine, base.fit, current, threshold)
+    current = foretelling(engine, base.fit, current)
     if current.chi2 / len(engine.target) > COARSE:
         current = resolved(engine, base, current)
     n = len(engine.target)
@@ -148,6 +162,7 @@ def search(base: Baseline, rng: np.random.Generator) -> Explanation:
         current.chi2 / n - 1,
         (bent(engine, current) if steps else base.fit.chi2) / n - 1,
         first,
+        strangers(engine, base.fit) if steps else [],
     )
 
 
@@ -186,7 +201,14 @@ def reweighed(base: Baseline, found: list[Rival], threshold: float) -> list[Riva
         after = fit(engine, rival.fit.guess, fixed_base=base.fixed, iterations=4)
         if enough(engine, before, after, threshold):
             base.fit = before
-            return [Rival(rival.effect, after, rival.seconds)]
+            others = [
+                replace(
+                    r, fit=fit(engine, r.fit.guess, fixed_base=base.fixed, iterations=4)
+                )
+                for r in found
+                if r is not rival
+            ]
+            return [replace(rival, fit=after), *others]
     weigh(engine, base.fit)
     return []
 
@@ -250,15 +272,24 @@ def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -
     price = (len(after.slots) - len(before.slots)) * np.log(n)
     if gain < max(2.0 * threshold, price):
         return False
-    if gain < first and any(sponge(engine, p) for p in new):
+    if gain < LITTLE * first and any(sponge(engine, p) for p in new):
         return False
     if len(earlier) > 1 and left < n:
         return False
     share = gain / max(left - n, KNOWN * n)
-    much, large = LARGE if len(earlier) < 2 else THIRD
-    clean, small = SMALL[any(p.effect.per_recording for p in new)]
+    large = any(
+        share > much and gain > size * first
+        for much, size in (LARGE if len(earlier) < 2 else [THIRD])
+    )
+    own = any(p.effect.per_recording for p in new)
+    if own and gain < min(SCATTERED * threshold, 0.15 * first):
+        return False
+    clean, small = SMALL[own]
+    # What an amplifier does is known; what a material does is not.
+    if all(p.effect.stage == "sensor" for p in before.guess.pieces if not p.nuisance):
+        small *= PLAIN
     return bool(
-        (share > much and gain > large * first)
+        large
         # By the third, two forms have had their say; a small one is theirs.
         or (len(earlier) < 2 and share > clean and gain > small * first and left > n)
     )
@@ -350,16 +381,30 @@ def exchange(
 def backward(engine: Engine, base: Fit, found: Fit, threshold: float) -> Fit:
     """The fit without the effects that the others, in any form, can do without."""
     named = names(found)
-    if len(named) < 2:
+    spared: list[Fit] = []
+    for name in named if len(named) > 1 else []:
+        rest = without(engine, found, name)
+        if not adds(engine, base, rest, found, threshold):
+            spared.append(rest)
+    if not spared:
         return found
-    for name in named:
-        kept = tuple(p for p in found.guess.pieces if p.effect.id != name or p.nuisance)
-        without = fit(
-            engine,
-            Guess(found.guess.units, found.guess.stiffness, kept),
-            fixed_base=found.fixed_base,
-            iterations=8,
-        )
-        if not adds(engine, base, without, found, threshold):
-            return backward(engine, base, without, threshold)
+    return backward(engine, base, min(spared, key=score), threshold)
+
+
+def foretelling(engine: Engine, base: Fit, found: Fit) -> Fit:
+    """The fit, less effects with which recordings left out are foretold worse.
+
+    Each fits, and together they spoil what they are for.
+    """
+    before = heldout(engine, base)[0].sum()
+    while len(names(found)) > 1 and heldout(engine, found)[0].sum() > before:
+        less = [without(engine, found, name) for name in names(found)]
+        found = min(less, key=lambda f: heldout(engine, f)[0].sum())
     return found
+
+
+def without(engine: Engine, found: Fit, name: str) -> Fit:
+    """The fit with the effect `name` taken out."""
+    kept = tuple(p for p in found.guess.pieces if p.effect.id != name or p.nuisance)
+    guess = replace(found.guess, pieces=kept)
+    return fit(engine, guess, fixed_base=found.fixed_base, iterations=8)

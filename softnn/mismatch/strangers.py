@@ -1,0 +1,206 @@
+"""Physics that has no name on the list of effects, but is known to be mistaken for it.
+
+A list is never complete. What is named must explain more than these plain laws do:
+wear with time under load, structure that breaks with travel and heals at rest, flow
+that goes one way more easily than the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softnn.contracts import Effect, Parameter
+from softnn.effects._programmes import cycles
+
+
+class Stranger(Effect):
+    """A law outside the list; its own id, since no file of `effects` is its own."""
+
+    stage = "material"
+    called: str
+    words: str
+
+    @property
+    def id(self):
+        return self.called
+
+    def telltale(self):
+        return cycles([0.5] * 4, 0.2)
+
+
+class Wear(Stranger):
+    r"""Stiffness wears with the time spent under load.
+
+    .. math:: \sigma \to \sigma / (1 + a W), \quad
+              W = \int (|\varepsilon| / \varepsilon_0)^p\,\mathrm{d}t
+
+    a in 1/s, power p; epsilon_0 a large strain, of those recorded. Time-dependent
+    damage, Kachanov 1958, doi:10.1023/A:1018671022008.
+    """
+
+    called = "wear"
+    words = "stiffness that wears with the time under load"
+    ports = ("equilibrium", "branches")
+    parameters = (
+        Parameter("rate_per_s", "1/s", -1.0, 1.0, 1e-3, meaning="a"),
+        Parameter("power", "-", 0.5, 6.0, 2.0, "log", "p"),
+        Parameter("large_strain", "-", 1e-6, 1e3, 1.0, "log", "epsilon_0"),
+    )
+    off = {"rate_per_s": 0.0}
+    amplitude = "rate_per_s"
+    shape = ("power", "large_strain")
+    where = "after long times under load"
+    twins = {
+        "load_cell_drift": "a stretch without load: wear waits, drift goes on",
+        "cyclic_softening": "the same cycles at rates two decades apart",
+        "mullins_softening": "a long hold at one strain between equal cycles",
+    }
+
+    def after(self, p, signal, state):
+        last, worn = (signal.time_s[0], 0.0) if state is None else state
+        step = np.diff(signal.time_s, prepend=last)[:, None]
+        load = (np.abs(signal.strain) / p["large_strain"]) ** p["power"]
+        worn = worn + np.cumsum(load * step, axis=0)
+        factor = 1 / np.maximum(1 + p["rate_per_s"] * worn, 0.1)
+        new = replace(
+            signal,
+            equilibrium=signal.equilibrium * factor,
+            branches=signal.branches * factor,
+        )
+        return new, (signal.time_s[-1], worn[-1:])
+
+    def starts(self, scales):
+        total = float(np.sum(scales.duration_s))
+        strain = float(np.clip(scales.strain, 1e-6, 1e3))
+        return [
+            {
+                "rate_per_s": min(k / total, 1.0),
+                "power": 2.0,
+                "large_strain": strain,
+            }
+            for k in (0.5, 3.0)
+        ]
+
+
+class Structure(Stranger):
+    r"""Structure that travel breaks and rest rebuilds (thixotropy).
+
+    .. math:: \sigma \to \sigma (1 - a (1 - \lambda)), \quad
+              \dot\lambda = (1 - \lambda)/\tau - k|\dot\varepsilon| \lambda
+
+    Mewis and Wagner 2009, doi:10.1016/j.cis.2008.09.005.
+    """
+
+    called = "structure"
+    words = "structure that travel breaks and rest rebuilds"
+    ports = ("equilibrium", "branches")
+    parameters = (
+        Parameter("share", "-", -0.9, 0.9, 0.2, meaning="a"),
+        Parameter("rebuild_s", "s", 1e-2, 1e5, 20.0, "log", "tau"),
+        Parameter("breaking", "-", 1e-3, 1e4, 2.0, "log", "k, per strain"),
+    )
+    off = {"share": 0.0}
+    amplitude = "share"
+    where = "in motion, less so after every rest"
+    twins = {
+        "mullins_softening": "the same cycles again after a pause",
+        "friction_hysteresis": "the same cycles again after a pause",
+        "gain_error": "one recording with a rest in its middle",
+    }
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import structure
+
+        fresh = state is None
+        last_time, last, carried = (
+            (signal.time_s[0], np.zeros((1, 1)), 1.0) if fresh else state
+        )
+        step = np.diff(signal.time_s, prepend=last_time)
+        travel = np.abs(np.diff(signal.strain, axis=0, prepend=last))
+        sets = max(travel.shape[1], *(p[k].size for k in ("rebuild_s", "breaking")))
+        carried = np.broadcast_to(carried, (sets,)).astype(float)
+        out = np.empty((len(step), sets))
+        travel = np.ascontiguousarray(travel)
+        structure(step, travel, p["rebuild_s"], p["breaking"], carried, out)
+        factor = 1 - p["share"] * (1 - out)
+        new = replace(
+            signal,
+            equilibrium=signal.equilibrium * factor,
+            branches=signal.branches * factor,
+        )
+        return new, (signal.time_s[-1], signal.strain[-1:], carried)
+
+    def starts(self, scales):
+        middle = float(np.median(scales.duration_s))
+        return [
+            {
+                "share": 0.2,
+                "rebuild_s": float(np.clip(t * middle, 1e-2, 1e5)),
+                "breaking": float(np.clip(k / scales.strain, 1e-3, 1e4)),
+            }
+            for t in (0.1, 0.5)
+            for k in (0.7, 3.0)
+        ]
+
+
+class OneWay(Stranger):
+    r"""A branch that forgets at another pace on the way back (a valve, fluid in pores).
+
+    .. math:: \dot q = E \max(\dot\varepsilon, 0) - q / \tau, \quad
+              \tau = \tau_{in} \text{ on the way up}, \tau_{in}/r \text{ else}
+    """
+
+    called = "one_way"
+    words = "flow that goes one way more easily than the other"
+    ports = ("branches",)
+    parameters = (
+        Parameter("stiffness_MPa", "MPa", -1e6, 1e6, 0.3, meaning="E"),
+        Parameter("time_s", "s", 1e-3, 1e6, 8.0, "log", "tau"),
+        Parameter("faster", "-", 0.05, 50.0, 4.0, "log", "r"),
+    )
+    off = {"stiffness_MPa": 0.0}
+    amplitude = "stiffness_MPa"
+    shape = ("faster",)
+    where = "on the way up, gone soon after it turns"
+    twins = {
+        "relaxation_branch": "holds on the way up and on the way down",
+        "grip_slip": "a second cycle to the same strain",
+    }
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import valve
+
+        last_time, last, carried = (
+            (signal.time_s[0], np.zeros((1, 1)), 0.0) if state is None else state
+        )
+        step = np.diff(signal.time_s, prepend=last_time)
+        increment = np.diff(signal.branch_strain, axis=0, prepend=last)
+        sets = max(increment.shape[1], *(p[k].size for k in ("time_s", "faster")))
+        carried = np.broadcast_to(carried, (sets,)).astype(float)
+        out = np.empty((len(step), sets))
+        increment = np.ascontiguousarray(increment)
+        valve(step, increment, p["time_s"], p["faster"], carried, out)
+        new = replace(signal, branches=signal.branches + p["stiffness_MPa"] * out)
+        return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
+
+    def starts(self, scales):
+        middle = float(np.median(scales.duration_s))
+        size = 0.2 * scales.stress_MPa / scales.strain
+        return [
+            {
+                "stiffness_MPa": size,
+                "time_s": float(np.clip(t * middle, 1e-3, 1e6)),
+                "faster": 4.0,
+            }
+            for t in (0.03, 0.1, 0.3)
+        ]
+
+
+STRANGERS = (Wear(), Structure(), OneWay())
+
+
+def words(name: str) -> str:
+    """What the law `name` is, for a summary."""
+    return next(s.words for s in STRANGERS if s.id == name)
