@@ -394,3 +394,11 @@ def test_continued_slip_stays_and_regripped_slip_does_not():
     )
     assert kept[1][-1] == pytest.approx(0.4)
     assert fresh[1][-1] == pytest.approx(0.5)
+
+
+def test_structure_that_does_not_heal_while_watched_is_on_the_list():
+    law = next(s for s in STRANGERS if s.id == "structure")
+    scales = Data(("a",), (law.telltale(),), (law.telltale().strain,)).scales()
+    longest = float(scales.duration_s[0])
+    assert law.strange({"rebuild_s": 0.5 * longest}, scales)
+    assert not law.strange({"rebuild_s": 20 * longest}, scales)

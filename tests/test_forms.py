@@ -148,6 +148,26 @@ def test_memory_is_allowed_for_after_gaps_alone():
     assert np.all(np.diff(columns[time[keep] > 5], axis=0) < 0)
 
 
+def test_what_nobody_wrote_down_is_not_left():
+    # Noise, and what a branch remembers of a gap: slow curves that are no hum.
+    time, strain = programme((0.5, 0.3))
+    keep = (time < 3) | (time > 5)
+    chunk = Chunk(time[keep], strain[keep])
+    rng = np.random.default_rng(0)
+    plain = simulate(BASE, np.ones(3), [], [chunk])[0]
+    noisy = plain + 1e-3 * rng.standard_normal(keep.sum())
+    curve = 0.01 * np.exp(-(time[keep] - 5) / 5.0) * (time[keep] > 5)
+    quiet, told = [1e-3 * np.ones(keep.sum())], []
+    for stress in (noisy, noisy + curve):
+        engine = Engine(Data(("a",), (chunk,), (stress,)), quiet, [0.0])
+        found = fit(engine, Guess(BASE, np.ones(3)))
+        told.append((found.chi2, np.sum(forms.unforgotten(engine, found)[0] ** 2)))
+    n = keep.sum()
+    assert told[1][0] > 2 * told[0][0]
+    assert told[0][1] == pytest.approx(n, rel=0.1)
+    assert told[1][1] == pytest.approx(told[0][1], rel=0.02)
+
+
 def replace_stiffness(found, stiffness):
     from dataclasses import replace
 

@@ -42,7 +42,7 @@ def test_period_in_time_is_found(seconds):
     found = recordings(lambda t, e: 0.03 * np.sin(2 * np.pi * t / seconds))
     engine = engine_of(found)
     base = fit(engine, Guess(HOOKE, np.ones(1)))
-    told = period(engine, base, np.random.default_rng(1))
+    told = period(engine, base.residual, np.random.default_rng(1))
     assert told is not None
     assert told["axis"] == "time"
     assert told["period"] == pytest.approx(seconds, rel=0.03)
@@ -52,7 +52,7 @@ def test_period_in_strain_is_found():
     found = recordings(lambda t, e: 0.03 * np.sin(2 * np.pi * e / 0.05))
     engine = engine_of(found)
     base = fit(engine, Guess(HOOKE, np.ones(1)))
-    told = period(engine, base, np.random.default_rng(1))
+    told = period(engine, base.residual, np.random.default_rng(1))
     assert told is not None
     assert told["axis"] == "strain"
     assert told["period"] == pytest.approx(0.05, rel=0.05)
@@ -61,7 +61,7 @@ def test_period_in_strain_is_found():
 def test_noise_has_no_period():
     engine = engine_of(recordings(lambda t, e: 0 * t))
     base = fit(engine, Guess(HOOKE, np.ones(1)))
-    assert period(engine, base, np.random.default_rng(1)) is None
+    assert period(engine, base.residual, np.random.default_rng(1)) is None
 
 
 def test_what_it_depends_on_is_named():

@@ -234,13 +234,12 @@ def strangers(engine: Engine, base: Fit) -> list[Rival]:
             continue
         lead = max(leads, key=lambda x: x.gain)
         trial = refine(engine, base, lead.piece, 8)
-        index = trial.guess.pieces.index(
-            next(p for p in trial.guess.pieces if p.effect.id == law.id)
-        )
+        index = [p.effect.id for p in trial.guess.pieces].index(law.id)
         better = release(engine, trial, index, False)
         if better.chi2 < trial.chi2:
             trial = better
-        out.append(Rival(law.id, trial, time.perf_counter() - clock))
+        if law.strange(trial.guess.pieces[index].values, engine.data.scales()):
+            out.append(Rival(law.id, trial, time.perf_counter() - clock))
     return sorted(out, key=lambda r: score(r.fit))
 
 

@@ -24,7 +24,7 @@ from softnn.mismatch.case import (
 )
 from softnn.mismatch.contest import Rival, score
 from softnn.mismatch.explain import TEMPER, Explanation, explain, sponge
-from softnn.mismatch.forms import finer
+from softnn.mismatch.forms import finer, unforgotten
 from softnn.mismatch.learn import Learned, learn, period
 from softnn.mismatch.model_file import Stored, to_dict
 from softnn.mismatch.strangers import words
@@ -41,7 +41,7 @@ EXPLAINED, PARTLY = 0.08, 0.5  # share of the excess left, at most
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
 DOUBT = 0.25  # excess that may still be the noise, taken for too little
 LINE = 3.0  # times the power that noise may show at one period, which is no noise
-STRANGE = 3.0  # odds from which on what is there is on no list
+STRANGE = 20.0  # odds from which on what is there is on no list
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
 
@@ -190,10 +190,12 @@ def _structure(
     """A learned correction where the residual of the base holds more than noise."""
     if len(base.engine.target) < FEWEST:
         return None
-    _, top, threshold = locate.scan(base.engine, finer(base.engine, base.fit), rng)
+    fine = finer(base.engine, base.fit)
+    _, top, threshold = locate.scan(base.engine, fine, rng)
     if verdict == "nothing_missing" and top < 1.5 * threshold:
         # A hum passes for the colour of the noise; its line stands out all the same.
-        line = period(base.engine, base.fit, rng)
+        # What nobody wrote down leaves slow curves, which are no hum.
+        line = period(base.engine, unforgotten(base.engine, fine)[0], rng)
         if line is None or line["power"] < LINE * line["threshold"]:
             return None
     return learn(base.engine, base.fit, rng)

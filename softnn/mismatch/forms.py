@@ -181,6 +181,13 @@ def remembered(engine: Engine, found: Fit) -> float:
     return float(np.sum((found.residual - both @ x) ** 2))
 
 
+def unforgotten(engine: Engine, found: Fit) -> tuple[Array, Array]:
+    """What is left (valid,) beyond a fit and what nobody wrote down; their span."""
+    memory = engine.whiten(memories(engine, found).columns)
+    q = span(np.concatenate([_live(found), memory], axis=1))
+    return found.residual - q @ (q.T @ found.residual), q
+
+
 def _live(found: Fit) -> Array:
     """Whitened derivatives by what is free in a fit; stiffnesses at zero stay there."""
     k = len(found.guess.stiffness)

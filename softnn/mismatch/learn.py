@@ -132,7 +132,7 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
                 np.sum((y_few[test] - within(one.network, mixed)) ** 2)
             )
     ratio = float(np.sqrt(after / before))
-    found_period = period(engine, found, rng)
+    found_period = period(engine, found.residual, rng)
     if not ratio < 0.97 and found_period is None:
         return None
     rise = {n: max(v / after - 1, 0.0) for n, v in worse.items()}
@@ -147,9 +147,9 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
 
 
 def period(
-    engine: Engine, found: Fit, rng: np.random.Generator, level: float = 0.99
+    engine: Engine, residual: Array, rng: np.random.Generator, level: float = 0.99
 ) -> dict[str, Any] | None:
-    """A period of the residual in time or in strain, if noise does not explain it."""
+    """A period of a residual in time or in strain, if noise does not explain it."""
     best: dict[str, Any] | None = None
     for axis, unit in (("time", "s"), ("strain", "-")):
         lines, tops = [], []
@@ -163,7 +163,7 @@ def period(
                 continue
             step = span / own.sum() if axis == "time" else span / 200
             frequency = np.linspace(4 / span, 0.45 / step, 400)
-            z = found.residual[own]
+            z = residual[own]
             lines.append((frequency, _power(at, z, frequency)))
             mixed = [_power(at, rng.permutation(z), frequency).max() for _ in range(8)]
             tops += mixed

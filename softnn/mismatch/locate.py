@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk
-from softnn.fit import Engine, Fit, span
-from softnn.mismatch.forms import memories
+from softnn.fit import Engine, Fit
+from softnn.mismatch.forms import unforgotten
 
 WINDOWS = (8, 16, 32, 64, 128, 256)
 SIGMAS = 2.0  # beyond which an effect is said to act
@@ -107,18 +107,7 @@ def scan(
     engine: Engine, found: Fit, rng: np.random.Generator, level: float = 0.95
 ) -> tuple[NDArray[np.bool], float, float]:
     """Samples (valid,) in windows that noise does not explain; statistic; threshold."""
-    live = found.guess.stiffness > 0
-    k = len(found.guess.stiffness)
-    columns = np.concatenate(
-        [
-            found.jacobian[:, :k][:, live & (not found.fixed_base)],
-            found.jacobian[:, k:],
-            engine.whiten(memories(engine, found).columns),
-        ],
-        axis=1,
-    )
-    q = span(columns)
-    residual = found.residual - q @ (q.T @ found.residual)
+    residual, q = unforgotten(engine, found)
     sets = _windows(engine.owner)
     # Noise estimated a little too low must not read as a mismatch.
     scale = np.sqrt(max(np.median(residual**2) / 0.4549, 1.0))

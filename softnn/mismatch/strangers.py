@@ -26,6 +26,10 @@ class Stranger(Effect):
     def id(self):
         return self.called
 
+    def strange(self, values, scales):
+        """Whether these values make it something that is on no list."""
+        return True
+
     def telltale(self):
         return cycles([0.5] * 4, 0.2)
 
@@ -131,6 +135,10 @@ class Structure(Stranger):
             branches=signal.branches * factor,
         )
         return new, (signal.time_s[-1], signal.strain[-1:], carried)
+
+    def strange(self, values, scales):
+        # What does not heal while it is watched is softening with travel.
+        return values["rebuild_s"] < float(np.max(scales.duration_s))
 
     def starts(self, scales):
         middle = float(np.median(scales.duration_s))
