@@ -49,6 +49,8 @@ PLAIN = 0.5  # of the size that SMALL asks, beside effects of the measuring chai
 SCATTERED = 12.0  # times the threshold, for one of single recordings that is small
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
 DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
+STRANGER_LEAVES = 0.5  # at most, of the excess that the effects leave
+KNOWN_TO = 0.05  # or this excess, which coloured noise may be
 TEMPER = 10.0  # of a difference of score: no form is true, so it counts a fifth
 KNOWN = 0.01  # excess to which the level of noise is known
 
@@ -88,8 +90,17 @@ class Explanation:
 
     @property
     def odds_of_strangers(self) -> float:
-        """Weight of what is on no list against the effects taken in, tempered."""
-        apart = [score(s.fit) - score(self.final) for s in self.strangers]
+        """Weight of what is on no list against the effects taken in, tempered.
+
+        Where a stranger leaves much as well, it is no account but another wrong form.
+        """
+        n = len(self.final.residual)
+        much = max(STRANGER_LEAVES * self.excess_after, KNOWN_TO)
+        apart = [
+            score(s.fit) - score(self.final)
+            for s in self.strangers
+            if s.fit.chi2 / n - 1 < much
+        ]
         return float(sum(np.exp(np.clip(-x / TEMPER, -50, 50)) for x in apart))
 
 
@@ -171,6 +182,8 @@ def resolved(engine: Engine, base: Baseline, current: Fit) -> Fit:
     for _ in range(2):
         finest = finer(engine, current, branches_too=False)
         if not score(finest) < score(current) - 20:
+            break
+        if heldout(engine, finest)[0].sum() > heldout(engine, current)[0].sum():
             break
         current = finest
         base.fit = finer(engine, base.fit, branches_too=False)
