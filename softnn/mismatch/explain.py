@@ -159,7 +159,6 @@ def search(base: Baseline, rng: np.random.Generator) -> Explanation:
         steps[-1].fit = current
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=4)
     current = backward(engine, base.fit, current, threshold)
-    current = foretelling(engine, base.fit, current)
     if current.chi2 / len(engine.target) > COARSE:
         current = resolved(engine, base, current)
     n = len(engine.target)
@@ -402,18 +401,6 @@ def backward(engine: Engine, base: Fit, found: Fit, threshold: float) -> Fit:
     if not spared:
         return found
     return backward(engine, base, min(spared, key=score), threshold)
-
-
-def foretelling(engine: Engine, base: Fit, found: Fit) -> Fit:
-    """The fit, less effects with which recordings left out are foretold worse.
-
-    Each fits, and together they spoil what they are for.
-    """
-    before = heldout(engine, base)[0].sum()
-    while len(names(found)) > 1 and heldout(engine, found)[0].sum() > before:
-        less = [without(engine, found, name) for name in names(found)]
-        found = min(less, key=lambda f: heldout(engine, f)[0].sum())
-    return found
 
 
 def without(engine: Engine, found: Fit, name: str) -> Fit:
