@@ -10,7 +10,7 @@ from test_forms import BASE, fitted, recorded, recorded_scales
 from softnn.effects import effect
 from softnn.fit import Engine, fit
 from softnn.mismatch import verify
-from softnn.mismatch.contest import Rival
+from softnn.mismatch.contest import Rival, score
 from softnn.mismatch.diagnosis import equivalent
 from softnn.mismatch.explain import Explanation
 
@@ -85,3 +85,21 @@ def test_the_measured_stress_is_back_after_making_anew():
         assert not engine.target.any()
     assert engine.target is before
     assert BASE.segments == 1
+
+
+def test_a_stranger_must_leave_little_itself():
+    law = effect("relaxation_branch")
+    values = law.defaults() | dict(law.starts(recorded_scales())[0])
+    engine = engine_for("relaxation_branch", values)
+    right = fitted(engine, "relaxation_branch", values)
+    wrong = fitted(engine, "mullins_softening", {})
+    n = len(engine.target)
+    poor = explained(engine, wrong, [])
+    poor.excess_after = wrong.chi2 / n - 1
+    poor.strangers = [Rival("wear", right, 0.0)]
+    assert poor.odds_of_strangers > 1e3
+    # Better than what was named, and wrong by more than half of it.
+    less = 0.2 * right.chi2 + 0.8 * wrong.chi2
+    poor.strangers = [Rival("wear", replace(right, chi2=less), 0.0)]
+    assert score(poor.strangers[0].fit) < score(wrong) - 100
+    assert poor.odds_of_strangers == 0.0

@@ -476,7 +476,7 @@ def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> st
                 f"{period['axis']}."
             )
         if verdict == "unexplained" and found.odds_of_strangers > STRANGE:
-            told += f" It behaves like {words(found.strangers[0].effect)}."
+            told += f" It behaves like {words(found.likely_strangers[0].effect)}."
         return PHRASES[verdict].format(
             before=percent(fit_["before"]["heldout_nrmse"]),
             noise=percent(fit_["noise_nrmse"]),

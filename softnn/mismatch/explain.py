@@ -89,18 +89,16 @@ class Explanation:
         return max(self.excess_after, 0.0) / max(self.excess_before, 1e-9)
 
     @property
-    def odds_of_strangers(self) -> float:
-        """Weight of what is on no list against the effects taken in, tempered.
-
-        Where a stranger leaves much as well, it is no account but another wrong form.
-        """
+    def likely_strangers(self) -> list[Rival]:
+        """Laws on no list that leave little themselves; else they are wrong as well."""
         n = len(self.final.residual)
         much = max(STRANGER_LEAVES * self.excess_after, KNOWN_TO)
-        apart = [
-            score(s.fit) - score(self.final)
-            for s in self.strangers
-            if s.fit.chi2 / n - 1 < much
-        ]
+        return [s for s in self.strangers if s.fit.chi2 / n - 1 < much]
+
+    @property
+    def odds_of_strangers(self) -> float:
+        """Weight of what is on no list against the effects taken in, tempered."""
+        apart = [score(s.fit) - score(self.final) for s in self.likely_strangers]
         return float(sum(np.exp(np.clip(-x / TEMPER, -50, 50)) for x in apart))
 
 
