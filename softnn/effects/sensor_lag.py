@@ -126,8 +126,10 @@ class DelayedLag(Delay):
         waiting, settled = (None, None) if state is None else state
         signal, waiting = super().after(p, signal, waiting)
         tau = p["time_constant_s"]
-        lag = {"time_constant_s": tau * p["pole"], "second": np.ones(1)}
-        lag["second"] = p["second"] / np.maximum(p["pole"], 1e-9)
+        lag = {
+            "time_constant_s": tau * p["pole"],
+            "second": p["second"] / np.maximum(p["pole"], 1e-9),
+        }
         signal, settled = SensorLag.after(self, lag, signal, settled)
         return signal, (waiting, settled)
 
