@@ -131,6 +131,134 @@ def test_modulus_is_the_secant_at_the_largest_strain(seed):
     assert base.spring(np.zeros(1))[0] == pytest.approx(0, abs=1e-12)
 
 
+# --- what is on no list ---------------------------------------------------------------
+
+
+def test_structure_breaks_only_above_the_yield_stress_and_recovers_at_rest():
+    rebuild, breaking = np.array([5.0, 80.0]), np.array([1.0, 0.1])
+    n = round(20 / STEP_S)
+    below = marching.structure(np.full(n, 0.99), rebuild, breaking)
+    np.testing.assert_allclose(below, 1)
+    stress = np.concatenate([np.full(n, -3.0), np.zeros(n)])
+    broken, rest = np.split(marching.structure(stress, rebuild, breaking), 2)
+    assert (np.diff(broken) <= 1e-15).all()
+    assert broken[-1] < 0.5
+    assert (np.diff(rest) >= 0).all()
+    assert rest[-1] < 1
+    # One population at rest: broken bonds vanish as in a second-order reaction.
+    one = marching.structure(stress, rebuild[:1], breaking[:1])
+    start, t = 1 - one[n - 1], STEP_S * np.arange(1, n + 1)
+    np.testing.assert_allclose(1 - one[n:], 1 / (1 / start + t / 5), rtol=1e-3)
+
+
+def test_pore_fluid_diffuses_and_leaves_faster_than_it_enters():
+    n = round(60 / STEP_S)
+    drawn = marching.pore_suction(np.full(n, 1.0), 30.0, 12.0, 0.0)
+    # At first with the root of time, at last exponentially, both known of a slab.
+    t = STEP_S * np.arange(1, n + 1)
+    mean = 1 - np.sqrt(16 * t / (np.pi * np.pi**2 * 30.0))
+    early = (t > 0.3) & (t < 3)
+    np.testing.assert_allclose(drawn[early], mean[early], atol=0.03)
+    assert drawn[-1] == pytest.approx(8 / np.pi**2 * np.exp(-2), rel=1e-6)
+    pressed = -marching.pore_suction(np.full(n, -1.0), 30.0, 12.0, 0.0)
+    np.testing.assert_allclose(pressed[: n // 12], drawn[11::12][: n // 12], atol=1e-12)
+    closed = marching.pore_suction(np.full(n, 1.0), 30.0, 12.0, 2.0)
+    assert (closed > drawn).all()
+
+
+def test_a_joint_peels_once_and_bonds_again_only_when_closed():
+    up = np.linspace(0, 0.6, 3001)
+    first = marching.tack(up, 0.05, 4.0)
+    assert first.max() == pytest.approx(1, abs=0.01)
+    assert up[first.argmax()] == pytest.approx(0.05, abs=1e-3)
+    assert first[-1] < 1e-3
+    peaks = [
+        marching.tack(np.concatenate([up, np.zeros(round(s / STEP_S)), up]), 0.05, 4.0)[
+            len(up) :
+        ].max()
+        for s in (0.0, 4.0, 40.0)
+    ]
+    assert peaks[0] < 0.1
+    assert peaks[1] == pytest.approx(-np.expm1(-1), abs=0.03)
+    assert peaks[2] == pytest.approx(1, abs=0.02)
+
+
+def test_static_friction_grows_with_the_logarithm_of_rest():
+    def peak(rest_s):
+        travel = np.linspace(0, 0.2, 20_001)
+        rest = np.zeros(round(rest_s / STEP_S))
+        return marching.stiction(np.concatenate([rest, travel]), 0.03, 1.0).max()
+
+    peaks = [peak(s) for s in (100.0, 1000.0, 10_000.0)]
+    assert peaks[2] - peaks[1] == pytest.approx(peaks[1] - peaks[0], rel=0.1)
+    # On the way it settles where contacts are made as fast as they are lost.
+    steady = marching.stiction(0.1 * STEP_S * np.arange(20_000), 0.03, 1.0)[-1]
+    assert steady == pytest.approx(np.log1p(0.03 / 0.1), rel=0.02)
+
+
+def unlisted(name: str, strain: np.ndarray, size: float = 0.1) -> np.ndarray:
+    """Stress under `strain` over the bare one, of a branchless linear base (n,)."""
+    programme = Imposed("", strain, np.arange(len(strain)))
+    stress = BASE.spring(strain)
+    c = Context(np.random.default_rng(3), 1.0, BASE, PACE, [programme], [stress])
+    effect = {m.__name__: m for m in UNLISTED}[name](c, size)
+    stress = material_stress(BASE, [effect], strain, np.full(len(strain), 20.0))
+    if effect.sensor:
+        stress = effect.sensor(0, programme, stress)
+    return stress / np.where(strain == 0, np.inf, strain)
+
+
+def test_damage_accelerates_and_never_heals():
+    loaded, rest = (round(s / STEP_S) for s in (60, 60))
+    cycle = np.concatenate([np.full(loaded, 0.8), np.full(rest, 1e-6)])
+    sound = unlisted("creep_damage", np.tile(cycle, 3), 0.2)
+    assert (np.diff(sound) <= 1e-12).all()
+    np.testing.assert_allclose(np.diff(sound[loaded : loaded + rest]), 0, atol=1e-12)
+    lost = [a - b for a, b in itertools.pairwise([1, *sound[loaded - 1 :: 2 * loaded]])]
+    assert lost[0] < lost[1] < lost[2]
+
+
+def test_heat_comes_with_work_and_leaves_at_rest():
+    hold = np.full(round(400 / STEP_S), 0.4)
+    back_and_forth = 0.4 + 0.3 * np.sin(2 * np.pi * STEP_S * np.arange(20_000))
+    factor = unlisted("self_heating", np.concatenate([hold, back_and_forth, hold]))
+    n = len(hold)
+    assert factor[n - 1] > 0.99
+    assert factor[n + 20_000] < 0.93
+    assert (np.diff(factor[n + 20_000 :]) >= 0).all()
+    assert factor[-1] > 0.999
+
+
+def test_curing_goes_with_the_logarithm_of_time():
+    t = STEP_S * np.arange(round(1000 / STEP_S))
+    ripple = 0.1 * np.sin(2 * np.pi * t)
+    stress = unlisted("curing", ripple) * ripple
+    moving = np.abs(np.diff(ripple)) > 1e-4
+    tangent = np.diff(stress)[moving] / np.diff(ripple)[moving]
+    at = [float(np.interp(s, t[1:][moving], tangent)) for s in (40, 200, 1000)]
+    assert at[2] - at[1] == pytest.approx(at[1] - at[0], rel=0.1)
+    assert at[0] > 1
+    # Bonds are born at rest: what is held still knows nothing of them.
+    held = unlisted("curing", np.full(1000, 0.5))
+    np.testing.assert_allclose(held, 1, atol=1e-9)
+
+
+def test_lost_blocks_shift_the_force_and_leave_it_alone_at_rest():
+    rise = polyline([(20, 0.8), (20, 0.0)], 0.2)
+    late = unlisted("lost_blocks", rise, 0.2) * rise
+    assert late.max() == pytest.approx(0.8, rel=0.01)
+    early = slice(0, round(0.05 * len(rise)))
+    np.testing.assert_allclose(late[early], rise[early], atol=1e-12)
+    assert np.abs(late - rise).max() > 0.01
+
+
+def test_unlisted_things_take_turns():
+    wanted = orders.plan(5, 1.0, each=0, nulls=0, pairs=0, unlisted=60)
+    counts = pd.Series([o.effects[0] for o in wanted]).value_counts()
+    assert set(counts.index) == {m.__name__ for m in UNLISTED}
+    assert counts.max() - counts.min() <= 1
+
+
 # --- programmes -----------------------------------------------------------------------
 
 

@@ -118,17 +118,21 @@ def reversals(strain: Array, least: float) -> Array:
 
 
 @njit(cache=True)
-def structure(rate: Array, rebuild_s: float, breaking: float) -> Array:
-    """Thixotropic structure 0..1: built by rest, broken by travel; 1 at the start."""
-    out = np.ones_like(rate)
-    s = 1.0
-    for i in range(len(rate)):
-        down = breaking * abs(rate[i])
-        up = 1.0 / rebuild_s
-        # Exact for a constant rate over the step: it stays within 0..1.
-        rest = up / (up + down)
-        s = rest + (s - rest) * np.exp(-(up + down) * STEP_S)
-        out[i] = s
+def structure(stress: Array, rebuild_s: Array, breaking: Array) -> Array:
+    """Mean thixotropic structure 0..1 of several populations of bonds; 1 at the start.
+
+    ds/dt = (1-s)**2 / rebuild - breaking * max(|stress| - 1, 0) * s: broken ends find
+    each other two by two, and only stress above the yield stress (1) breaks bonds.
+    """
+    out = np.zeros_like(stress)
+    s = np.ones_like(rebuild_s)
+    for i in range(len(stress)):
+        over = max(abs(stress[i]) - 1.0, 0.0)
+        for k in range(len(s)):
+            up = STEP_S * (1.0 - s[k]) ** 2 / rebuild_s[k]
+            # Implicit in the breaking: it stays within 0..1.
+            s[k] = (s[k] + up) / (1.0 + STEP_S * breaking[k] * over)
+            out[i] += s[k] / len(s)
     return out
 
 
@@ -147,18 +151,64 @@ def stick_slip(strain: Array, stiffness: float, stick: float, keep: float) -> Ar
 
 
 @njit(cache=True)
-def one_way_flow(strain: Array, time: float) -> Array:
-    """Unit-stiffness branch that charges while stretched and empties five times faster.
+def pore_suction(strain: Array, time: float, valve: float, narrowing: float) -> Array:
+    """Mean suction in a drained slab that stretching by `strain` empties of pressure.
 
-    A valve: pore fluid is drawn in slowly and leaves quickly.
+    Diffusion in odd modes of relaxation times time/n**2, exact for a step of constant
+    permeability; it is `valve` times larger while fluid leaves than while it enters,
+    and falls as exp(-narrowing * strain) as the pores close (Lai and Mow).
     """
     out = np.zeros_like(strain)
-    s, before = 0.0, 0.0
+    s = np.zeros(8)
+    before, mean = 0.0, 0.0
     for i in range(len(strain)):
         step = strain[i] - before
         before = strain[i]
-        s = (s + max(step, 0.0)) * np.exp(-STEP_S / (time if step > 0 else time / 5))
-        out[i] = s
+        open_to = (1.0 if mean + step > 0 else valve) * np.exp(-narrowing * before)
+        mean = 0.0
+        for k in range(len(s)):
+            odd = (2 * k + 1) ** 2
+            s[k] = (s[k] + step) * np.exp(-STEP_S * odd * open_to / time)
+            mean += 8 / (np.pi**2 * odd) * s[k]
+        out[i] = mean
+    return out
+
+
+@njit(cache=True)
+def tack(strain: Array, reach: float, time: float) -> Array:
+    """Force of a joint that peels within `reach` and bonds again where it is closed.
+
+    First opening: x e**(1-x), x = strain/reach. Closed is below a fifth of `reach`.
+    """
+    out = np.zeros_like(strain)
+    bond, before = 1.0, 0.0
+    for i in range(len(strain)):
+        x = max(strain[i] / reach, 0.0)
+        bond *= np.exp(-max(x - before, 0.0))
+        before = x
+        if x < 0.2:
+            bond += STEP_S / time * (1.0 - bond)
+        out[i] = bond * x * np.e
+    return out
+
+
+@njit(cache=True)
+def stiction(strain: Array, reach: float, age_s: float) -> Array:
+    """Friction of contacts that strengthen with the logarithm of their age.
+
+    Rate and state (Dieterich, Ruina): d age/dt = 1 - |rate| age / reach; the force goes
+    to ln(1 + age/age_s) within a sixth of `reach` of travel.
+    """
+    out = np.zeros_like(strain)
+    age, force, before = age_s, 0.0, 0.0
+    for i in range(len(strain)):
+        step = strain[i] - before
+        before = strain[i]
+        age = age * np.exp(-abs(step) / reach) + STEP_S
+        limit = np.log1p(age / age_s)
+        goal = limit * np.sign(step)
+        force = goal + (force - goal) * np.exp(-6.0 * abs(step) / reach)
+        out[i] = force
     return out
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.signal import lfilter
 
 from studies.concealed import marching
 from studies.concealed.planting import Context, Planted, Signals
@@ -78,25 +79,34 @@ def stick_slip(c: Context, size: float) -> Planted:
 
 
 def thixotropy(c: Context, size: float) -> Planted:
-    """Structure breaks with travel and comes back at rest."""
-    rebuild, breaking = c.rng.uniform(10, 40), c.rng.uniform(1.0, 3.0) / c.pace.peak
+    """Flocs break under stress above a yield stress and form again at rest.
+
+    Quick coarse flocs and slow fine ones; the flow suffers more than the skeleton.
+    """
+    rebuild = np.array([c.rng.uniform(3, 8), c.rng.uniform(40, 120)])
+    breaking = np.array([c.rng.uniform(0.5, 1.5), c.rng.uniform(0.05, 0.2)])
+    threshold = c.peak * c.rng.uniform(0.15, 0.35)
 
     def parts(h: Signals) -> None:
-        factor = 1 - size * (1 - marching.structure(h.rate, rebuild, breaking))
-        h.spring, h.branches = h.spring * factor, h.branches * factor
+        stress = (h.spring + h.branches) / threshold
+        broken = size * (1 - marching.structure(stress, rebuild, breaking))
+        h.spring, h.branches = h.spring * (1 - 0.4 * broken), h.branches * (1 - broken)
 
-    return Planted("thixotropy", "structure", {"rebuild_s": rebuild}, parts=parts)
+    parameters: dict[str, object] = {"rebuild_s": float(rebuild[1])}
+    return Planted("thixotropy", "flocs under stress", parameters, parts=parts)
 
 
 def one_way_flow(c: Context, size: float) -> Planted:
-    """Pore fluid drawn in through a valve: it charges one way only."""
-    time = c.rng.uniform(4, 15)
+    """Pore fluid diffuses through a slab: drawn in slowly, pressed out quickly."""
+    time, valve = c.rng.uniform(15, 60), c.rng.uniform(8, 20)
+    narrowing = c.rng.uniform(1, 2.5)
 
     def parts(h: Signals) -> None:
-        scale = size * c.peak / c.pace.peak
-        h.extra = h.extra + scale * marching.one_way_flow(h.strain, time)
+        strain = h.strain / c.pace.peak
+        suction = marching.pore_suction(strain, time, valve, narrowing)
+        h.extra = h.extra + size * c.peak * suction
 
-    return Planted("one_way_flow", "valve", {"time_s": time}, parts=parts)
+    return Planted("one_way_flow", "diffusion", {"time_s": time}, parts=parts)
 
 
 def leadscrew(c: Context, size: float) -> Planted:
@@ -110,16 +120,26 @@ def leadscrew(c: Context, size: float) -> Planted:
 
 
 def creep_damage(c: Context, size: float) -> Planted:
-    """Stiffness wears with the time spent under high load, not with cycles."""
-    power = c.rng.uniform(2, 4)
+    """Voids grow with the time under stress, the faster the more there are.
+
+    Kachanov and Rabotnov: dw/dt = size * load**power / (1-w)**feedback, where load is
+    the stress of the sound part above a threshold; stiffness goes with 1-w.
+    """
+    power, feedback = c.rng.uniform(1.5, 3), c.rng.uniform(1, 2)
+    threshold = c.rng.uniform(0.1, 0.25)
+
+    def wear(stress: Array) -> Array:
+        load = np.maximum(stress / c.peak - threshold, 0) / (1 - threshold)
+        return np.cumsum(load**power)
+
+    longest = max(float(wear(s)[-1]) for s in c.stress)
 
     def parts(h: Signals) -> None:
-        load = np.maximum(h.strain, 0) / c.pace.peak
-        wear = np.cumsum(load**power) * STEP_S / 60
-        factor = np.exp(-size * np.minimum(wear, 20))
-        h.spring, h.branches = h.spring * factor, h.branches * factor
+        spent = size * wear(h.spring + h.branches) / longest
+        sound = np.maximum(1 - (feedback + 1) * spent, 0.02) ** (1 / (feedback + 1))
+        h.spring, h.branches = h.spring * sound, h.branches * sound
 
-    return Planted("creep_damage", "time under load", {"power": power}, parts=parts)
+    return Planted("creep_damage", "accelerating", {"power": power}, parts=parts)
 
 
 def breathing(c: Context, size: float) -> Planted:
@@ -153,6 +173,89 @@ def knocks(c: Context, size: float) -> Planted:
     return Planted("knocks", "ringing bursts", {"hz": frequency}, sensor=sensor)
 
 
+def self_heating(c: Context, size: float) -> Planted:
+    """A share of the work turns to heat, warms the specimen inside and softens it.
+
+    Heat leaves with one time constant; no thermometer sits inside the specimen.
+    """
+    time = c.rng.uniform(15, 60)
+
+    def warmth(strain: Array, stress: Array) -> Array:
+        work = np.abs(stress * np.diff(strain, prepend=0.0))
+        return np.asarray(lfilter([1], [1, -np.exp(-STEP_S / time)], work))
+
+    runs = zip(c.programmes, c.stress, strict=True)
+    hottest = max(float(warmth(p.strain, s).max()) for p, s in runs)
+
+    def parts(h: Signals) -> None:
+        share = warmth(h.strain, h.spring + h.branches) / hottest
+        factor = 1 / (1 + size * share)
+        h.spring, h.branches = h.spring * factor, h.branches * factor
+
+    return Planted("self_heating", "heat of work", {"time_s": time}, parts=parts)
+
+
+def curing(c: Context, size: float) -> Planted:
+    """Bonds go on forming with the logarithm of time, at rest in the shape of then.
+
+    A bond knows only what strain came after it: d stress = growth(t) d strain.
+    """
+    start = c.rng.uniform(1, 6)
+
+    def parts(h: Signals) -> None:
+        time = STEP_S * np.arange(len(h.strain))
+        growth = np.log1p(time / start) / np.log1p(60 / start)
+        grown = np.cumsum(growth * np.diff(h.strain, prepend=0.0))
+        h.extra = h.extra + size * c.peak / c.pace.peak * grown
+
+    return Planted("curing", "logarithm of time", {"start_s": start}, parts=parts)
+
+
+def tack(c: Context, size: float) -> Planted:
+    """The specimen sticks to its support near zero strain: a peak on parting."""
+    reach, time = c.pace.peak * c.rng.uniform(0.05, 0.12), c.rng.uniform(1, 8)
+
+    def parts(h: Signals) -> None:
+        h.extra = h.extra + size * c.peak * marching.tack(h.strain, reach, time)
+
+    return Planted("tack", "peeling", {"reach": reach, "time_s": time}, parts=parts)
+
+
+def stiction(c: Context, size: float) -> Planted:
+    """A guide seizes the longer it rests: a peak at every fresh start."""
+    reach, age = c.pace.peak * c.rng.uniform(0.03, 0.08), c.rng.uniform(0.5, 3)
+
+    def parts(h: Signals) -> None:
+        force = marching.stiction(h.strain, reach, age) / np.log1p(30 / age)
+        h.extra = h.extra + size * c.peak * force
+
+    return Planted("stiction", "ageing contacts", {"age_s": age}, parts=parts)
+
+
+def lost_blocks(c: Context, size: float) -> Planted:
+    """Two loggers: blocks of the force channel get lost or are written twice."""
+    blocks = [
+        [
+            (float(t), float(jump))
+            for t, jump in zip(
+                p.time_s[-1] * c.rng.uniform(0.05, 0.7, 3),
+                c.rng.uniform(0.4, 1.0, 3) * c.rng.choice([-1, 1], 3),
+                strict=True,
+            )
+        ]
+        for p in c.programmes
+    ]
+
+    def sensor(i: int, programme: Imposed, stress: Array) -> Array:
+        t = programme.time_s
+        behind = np.zeros_like(t)
+        for moment, jump in blocks[i]:
+            behind[t >= moment] += size * c.pace.ramp_s * jump
+        return np.interp(t - behind, t, stress)
+
+    return Planted("lost_blocks", "jumps of delay", {"blocks": blocks}, sensor=sensor)
+
+
 UNLISTED: tuple[Make, ...] = (
     crystallisation,
     hum,
@@ -165,4 +268,9 @@ UNLISTED: tuple[Make, ...] = (
     creep_damage,
     breathing,
     knocks,
+    self_heating,
+    curing,
+    tack,
+    stiction,
+    lost_blocks,
 )
