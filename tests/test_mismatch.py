@@ -109,6 +109,26 @@ def test_softening_is_named_measured_and_located(tmp_path):
     assert sum(r["share"] for r in result["mismatch"]) == pytest.approx(1.0)
 
 
+def test_first_loading_alone_does_not_tell_what_is_missing(tmp_path):
+    # A viscous law that no base has shows in ramps of three rates, as others would.
+    law = effect("finite_strain")
+    ramps = [straight([0, 0.9], rate, 0.9 / rate / 400) for rate in (0.02, 0.06, 0.2)]
+    units = Units("pl-wiechert", (0.0, 0.3, 0.9), (0.4, 8.0))
+    terms = [Term(law, law.defaults())]
+    rng = np.random.default_rng(0)
+    (tmp_path / "recordings").mkdir()
+    clean = simulate(units, np.array([1.0, 0.6, 2.0, 2.0]), terms, ramps)
+    for i, (chunk, s) in enumerate(zip(ramps, clean, strict=True)):
+        table = {"time_s": chunk.time_s, "strain": chunk.strain}
+        table["stress_MPa"] = s + 0.002 * rng.standard_normal(len(s))
+        pd.DataFrame(table).to_csv(tmp_path / f"recordings/r{i}.csv", index=False)
+    result = diagnose(read_case(tmp_path), "hooke").result
+    assert result["verdict"] == "undetermined"
+    assert result["selected"] == []
+    assert "first loading" in result["summary"]
+    assert "cycles" in result["next_recording"]["strain_programme"]
+
+
 @pytest.mark.slow
 def test_two_effects_are_both_named(tmp_path):
     lag = Term(effect("sensor_lag"), {"time_constant_s": 0.3, "second": 0.0})

@@ -10,6 +10,9 @@ from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
 
+EARLY = (0.015, 0.03, 0.045, 0.06, 0.105)  # of a recording: its first loading
+
+
 class GripSlip(Effect):
     r"""Slip: some of the strain is lost at a moment, for good.
 
@@ -73,7 +76,7 @@ class GripSlip(Effect):
                 "moment_s": share * scales.duration_s,
                 "duration_s": width,
             }
-            for share in (0.5, *np.arange(0.03, 0.98, 0.05))
+            for share in (0.5, *EARLY, *np.arange(0.08, 0.98, 0.05))
         ]
 
     def telltale(self):

@@ -95,7 +95,7 @@ def diagnose(
         learned = _structure(base, found, rng, verdict)
         if learned is not None and verdict == "nothing_missing":
             verdict = "unexplained"
-    if len(base.engine.target) < FEWEST:
+    if len(base.engine.target) < FEWEST or not told(base.engine, found, verdict):
         verdict, names = "undetermined", []
     accepted = verdict in ("explained", "partly_explained")
     result = _result(case, base, found, full, verdict, names, learned, rng)
@@ -175,6 +175,18 @@ def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
     if found.left < PARTLY or found.excess_after < DOUBT:
         return "partly_explained", found.selected
     return "unexplained", []
+
+
+def told(engine: Engine, found: Explanation, verdict: str) -> bool:
+    """Whether these recordings can show what was named.
+
+    On first loading most physics looks alike: softening, set and friction are a spring
+    there. What a rig or a channel does is told where nothing else is left.
+    """
+    if not found.steps or not locate.only_loading(engine):
+        return True
+    laws = (p.effect for p in found.final.guess.pieces if not p.nuisance)
+    return verdict == "explained" and all(law.stage != "material" for law in laws)
 
 
 def clear(found: Explanation) -> bool:
@@ -423,6 +435,14 @@ def _candidates(base: Baseline, found: Explanation) -> list[dict[str, Any]]:
 
 def _next(found: Explanation, names: list[str]) -> dict[str, Any] | None:
     """The recording that would tell the choice from its nearest rival."""
+    if found.steps and not names and locate.only_loading(found.base.engine):
+        likely = [r.effect for r in found.first[:3]]
+        return {
+            "strain_programme": "cycles to growing strain, each amplitude twice, and a "
+            "hold",
+            "separates": likely,
+            "why": "they look alike on first loading, and part on the way back",
+        }
     for step in found.steps or []:
         best = step.rivals[0]
         law = effect(best.effect)
@@ -454,6 +474,9 @@ PHRASES = {
     "unexplained": "The simulation misses something that no known effect explains: the "
     "error on recordings not used is {before}, the noise {noise}.{structure}",
     "undetermined": "Too little was recorded to tell whether anything is missing.",
+    "only_loading": "The simulation misses {before} of what was recorded (noise "
+    "{noise}), but first loading alone does not tell what: softening, set, friction "
+    "and others look alike there. Record the way back, and cycles.",
 }
 
 
@@ -464,6 +487,8 @@ def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> st
         return f"{100 * x:.2g} %"
 
     verdict = result["verdict"]
+    if verdict == "undetermined" and found.steps:
+        verdict = "only_loading"
     if verdict in PHRASES:
         structure = result.get("structure")
         told = ""

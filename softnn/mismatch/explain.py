@@ -31,6 +31,7 @@ from softnn.mismatch.contest import (
     without_form,
 )
 from softnn.mismatch.forms import distortions, finer, remembered
+from softnn.mismatch.siblings import odd_ones
 from softnn.mismatch.verify import heldout
 from softnn.noise import Noise
 
@@ -116,17 +117,49 @@ def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
         base.noise = weigh(engine, found.final)
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed)
         found = search(base, rng)
+        if odd := apart(base, found):
+            again = search(base, rng, odd, found.first)
+            if odd.effect in again.selected:
+                found = again
     return found
 
 
-def search(base: Baseline, rng: np.random.Generator) -> Explanation:
-    """Forward from the base, one effect at a time, then swaps and backward."""
+def apart(base: Baseline, found: Explanation) -> Rival | None:
+    """What sets some recordings apart from others of their programme."""
+    engine, final = base.engine, found.final
+    shared = tuple(
+        p for p in final.guess.pieces if p.nuisance or not p.effect.per_recording
+    )
+    guess, fixed = replace(final.guess, pieces=shared), base.fixed
+    pool = candidates(engine, base.name, fixed)
+    odd = odd_ones(engine, fit(engine, guess, fixed_base=fixed, iterations=8), pool)
+    if odd is None:
+        return None
+    clock = time.perf_counter()
+    return Rival(
+        odd.effect.id, refine(engine, base.fit, odd), time.perf_counter() - clock
+    )
+
+
+def search(
+    base: Baseline,
+    rng: np.random.Generator,
+    known: Rival | None = None,
+    first: Sequence[Rival] = (),
+) -> Explanation:
+    """Forward from the base, one effect at a time, then swaps and backward.
+
+    `known` is the first effect where it is known; `first`, what then competed with it.
+    """
     engine, noise = base.engine, base.noise
     pool = candidates(engine, base.name, base.fixed)
     current = base.fit
     steps: list[Step] = []
-    first: list[Rival] = []
+    first = list(first)
     threshold = ENTRY
+    if known:
+        steps.append(Step([known], score(current) - score(known.fit), known.fit))
+        current = known.fit
     while len(steps) < MOST_EFFECTS:
         if not steps:
             first, threshold = rivals(engine, current, pool, rng)
@@ -138,7 +171,7 @@ def search(base: Baseline, rng: np.random.Generator) -> Explanation:
             current = base.fit
         else:
             found, limit = further(engine, current, pool, rng)
-            if len(steps) == 1 and not mostly(base.fit, current):
+            if len(steps) == 1 and not known and not mostly(base.fit, current):
                 found = beam(engine, base.fit, first, found, pool, rng)
             if not found or not adds(
                 engine, base.fit, current, found[0].fit, max(limit, threshold)

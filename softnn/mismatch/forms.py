@@ -172,7 +172,7 @@ def remembered(engine: Engine, found: Fit) -> float:
     memory = memories(engine, found)
     if not memory.columns.shape[1]:
         return found.chi2
-    live = _live(found)
+    live = free_columns(found)
     both = np.concatenate([live, engine.whiten(memory.columns)], axis=1)
     free = np.full(live.shape[1], np.inf)
     low, high = np.concatenate([-free, memory.low]), np.concatenate([free, memory.high])
@@ -184,11 +184,11 @@ def remembered(engine: Engine, found: Fit) -> float:
 def unforgotten(engine: Engine, found: Fit) -> tuple[Array, Array]:
     """What is left (valid,) beyond a fit and what nobody wrote down; their span."""
     memory = engine.whiten(memories(engine, found).columns)
-    q = span(np.concatenate([_live(found), memory], axis=1))
+    q = span(np.concatenate([free_columns(found), memory], axis=1))
     return found.residual - q @ (q.T @ found.residual), q
 
 
-def _live(found: Fit) -> Array:
+def free_columns(found: Fit) -> Array:
     """Whitened derivatives by what is free in a fit; stiffnesses at zero stay there."""
     k = len(found.guess.stiffness)
     live = np.ones(found.jacobian.shape[1], bool)
@@ -198,6 +198,6 @@ def _live(found: Fit) -> Array:
 
 def beyond(engine: Engine, found: Fit, columns: Array) -> float:
     """Whitened misfit of a fit when it may also use `columns`, linearised."""
-    both = np.concatenate([_live(found), engine.whiten(columns)], axis=1)
+    both = np.concatenate([free_columns(found), engine.whiten(columns)], axis=1)
     q = span(both)
     return float(found.chi2 - np.sum((q.T @ found.residual) ** 2))

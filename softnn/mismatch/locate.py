@@ -22,6 +22,7 @@ from softnn.mismatch.forms import unforgotten
 
 WINDOWS = (8, 16, 32, 64, 128, 256)
 SIGMAS = 2.0  # beyond which an effect is said to act
+LOADING = 0.95  # share of the samples of a recording that only loads
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ def phases(chunk: Chunk, band: float = 0.02) -> Phases:
     strain, time = chunk.strain, chunk.time_s
     span = float(strain.max() - strain.min())
     n = len(strain)
-    turn = _turns(strain, band * span)
+    turn = turns(strain, band * span)
     direction = np.zeros(n)
     cycle = np.ones(n, int)
     count = 1
@@ -73,7 +74,7 @@ def phases(chunk: Chunk, band: float = 0.02) -> Phases:
     return Phases(np.where(hold, 0, branch), cycle)
 
 
-def _turns(x: Array, band: float) -> Array:
+def turns(x: Array, band: float) -> Array:
     """Indices of turning points that matter, with the first and last sample."""
     out = [0]
     low = high = 0
@@ -94,6 +95,12 @@ def _turns(x: Array, band: float) -> Array:
     if out[-1] != len(x) - 1:
         out.append(len(x) - 1)
     return np.array(out)
+
+
+def only_loading(engine: Engine) -> bool:
+    """Whether no recording comes back or holds: nothing but first loading was seen."""
+    loading = BRANCHES.index("first loading")
+    return all((phases(c).branch == loading).mean() > LOADING for c in engine.chunks)
 
 
 def action(engine: Engine, found: Fit) -> Array:
