@@ -38,6 +38,7 @@ VERSION = 1
 SEARCH = 1000  # samples a recording while searching
 REPORT = 6000  # samples a recording for regions, figures and errors
 EXPLAINED, PARTLY = 0.08, 0.5  # share of the excess left, at most
+ANY_FORM = 0.03  # and the share left by the effects in any form
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
 DOUBT = 0.25  # excess that may still be the noise, taken for too little
 LINE = 3.0  # times the power that noise may show at one period, which is no noise
@@ -193,7 +194,9 @@ def clear(found: Explanation) -> bool:
     """Whether what is left is as good as noise, as far as the noise itself is known."""
     colour = float(np.median([n.correlation for n in found.noise]))
     doubt = WHITE + COLOURED * max(colour - 0.3, 0.0)
-    return found.left < EXPLAINED or found.excess_after < doubt
+    bent = max(found.excess_bent, 0.0) / max(found.excess_before, 1e-9)
+    formed = found.left < EXPLAINED and bent < ANY_FORM
+    return formed or found.excess_after < doubt
 
 
 def _structure(
@@ -400,11 +403,12 @@ def _probability(found: Explanation, rivals: Sequence[Rival], piece: Piece) -> f
     own = next((i for i, r in enumerate(rivals) if r.effect == name), None)
     # With much left unexplained a good fit names the nearest effect, not the right one:
     # on development cases it was right in two out of five. So it is with a mistake of
-    # some recordings that most of them would have made, and with a third effect.
+    # some recordings that most of them would have made, and with a third effect. An
+    # explanation stands or falls as a whole.
+    pieces = [p for p in found.final.guess.pieces if not p.nuisance]
+    spongy = any(sponge(found.base.engine, p) for p in pieces)
     doubtful = found.left > PARTLY or len(found.selected) > 2
-    trust = (
-        0.4 if doubtful or sponge(found.base.engine, piece) or not clear(found) else 1
-    )
+    trust = 0.4 if doubtful or spongy or not clear(found) else 1
     # An effect that came in by exchange had its rivals all tried against it.
     chance = 1.0 if own is None or rivals[0].effect != name else float(weight[own])
     return round(chance * trust / (1 + found.odds_of_strangers), 4)
