@@ -253,6 +253,10 @@ class Effect(ABC):
     def telltale(self) -> Chunk:
         """A strain programme on which the effect shows and can be told from others."""
 
+    def within(self, scales: Scales) -> Effect:
+        """The same law, its ranges narrowed to what such recordings could show."""
+        return self
+
     @property
     def acts_before(self) -> bool:
         """Whether it changes the strain that the model gets."""

@@ -92,10 +92,12 @@ def flow(step, increment, time, threshold, exponent, carried, out):
 
     exponent 0 means Eyring, dg/dt = -(threshold/time) sinh(g/threshold), else a power
     law, dg/dt = -(threshold/time) |g/threshold|^exponent; both relax in closed form.
+    `step` (n, 1 or sets) is that of time, or of whatever stands for it.
     """
     n, sets = out.shape
     for s in range(sets):
         j = s if increment.shape[1] > 1 else 0
+        k = s if step.shape[1] > 1 else 0
         tau = time[s if time.size > 1 else 0]
         e0 = threshold[s if threshold.size > 1 else 0]
         power = exponent[s if exponent.size > 1 else 0]
@@ -103,7 +105,7 @@ def flow(step, increment, time, threshold, exponent, carried, out):
         for i in range(n):
             dx = increment[i, j] / e0
             parts = int(min(max(np.ceil(abs(dx) * 1.5), 1.0), 24.0))
-            h = step[i] / parts / tau
+            h = step[i, k] / parts / tau
             d = dx / parts
             for _ in range(parts):
                 g += 0.5 * d

@@ -2,12 +2,15 @@ r"""A dashpot whose flow is not proportional to stress."""
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import ramps
+
+LASTING = 100.0  # longest recordings; a slower flow loses less than 1 % in any
 
 
 class NonlinearViscosity(Effect):
@@ -17,8 +20,9 @@ class NonlinearViscosity(Effect):
               \dot g = \dot\varepsilon - \frac{g_0}{\tau} \sinh\frac{g}{g_0}
 
     stiffness E in MPa, time tau in s of the flow at low stress, threshold g0 as strain
-    of the spring (stress E g0), above which flow is exponential. Eyring 1936,
-    doi:10.1063/1.1749836.
+    of the spring (stress E g0), above which flow is exponential. What takes more than a
+    hundred of the longest recordings to flow back has yielded (`permanent_set`).
+    Eyring 1936, doi:10.1063/1.1749836.
 
     In a recording: a loop whose height grows with the logarithm of rate, holds that
     relax fast at first and then by equal steps per decade. Mistaken for friction (the
@@ -49,6 +53,17 @@ class NonlinearViscosity(Effect):
     def second_forms(self):
         return (PowerLawViscosity(),)
 
+    def within(self, scales):
+        law = copy(self)
+        most = LASTING * float(np.max(scales.duration_s))
+        law.parameters = tuple(
+            replace(q, high=float(np.clip(most, 10 * q.low, q.high)))
+            if q.name == "time_s"
+            else q
+            for q in self.parameters
+        )
+        return law
+
     def exponent(self, p):
         return np.zeros(1)
 
@@ -64,7 +79,7 @@ class NonlinearViscosity(Effect):
         sets = max(increment.shape[1], *(a.size for a in shape))
         carried = np.broadcast_to(carried, (sets,)).copy()
         out = np.empty((len(step), sets))
-        flow(step, np.ascontiguousarray(increment), *shape, carried, out)
+        flow(step[:, None], np.ascontiguousarray(increment), *shape, carried, out)
         new = replace(signal, branches=signal.branches + p["stiffness_MPa"] * out)
         return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
 
@@ -99,11 +114,12 @@ class PowerLawViscosity(NonlinearViscosity):
     .. math:: \dot g = \dot\varepsilon - \frac{g_0}{\tau}
               \left|\frac{g}{g_0}\right|^{n} \mathrm{sign}\, g
 
+    Creep has n of 3 to 6; far above, flow sets in at a yield (`permanent_set`).
     Norton 1929, *The Creep of Steel at High Temperatures*.
     """
 
     parameters = NonlinearViscosity.parameters + (
-        Parameter("exponent", "-", 1.0, 20.0, 4.0, "log", "n of the flow law"),
+        Parameter("exponent", "-", 1.0, 6.0, 4.0, "log", "n of the flow law"),
     )
 
     def exponent(self, p):

@@ -2,6 +2,7 @@ r"""Strain that stays when the load is gone, and grows with the largest strain."
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -31,24 +32,29 @@ class PermanentSet(Effect):
     """
 
     stage = "material"
-    ports = ("strain", "branch_strain", "equilibrium", "branches")
-    parameters = (
+    ports: tuple[str, ...] = ("strain", "branch_strain", "equilibrium", "branches")
+    parameters: tuple[Parameter, ...] = (
         Parameter("ratio", "-", 0.0, 0.95, 0.1, meaning="set over largest strain at 1"),
         Parameter("exponent", "-", 0.2, 5.0, 1.0, "log", "growth of the set"),
         Parameter("yield_strain", "-", 0.0, 2.0, 0.0, meaning="where the set begins"),
         Parameter("on_return", "-", 0.0, 3.0, 0.0, meaning="r, how late it shows"),
         Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="b, loss when slack"),
     )
-    off = {"ratio": 0.0}
+    off: Mapping[str, float] = {"ratio": 0.0}
     amplitude = "ratio"
-    shape = ("exponent", "yield_strain", "on_return", "buckling")
+    shape: tuple[str, ...] = ("exponent", "yield_strain", "on_return", "buckling")
     where = "on unloading and reloading, near zero stress"
     twins = {
         "slack": "cycles to growing strain: a set grows with them, slack does not",
         "zero_offset": "cycles to growing strain from a zeroed load cell",
         "grip_slip": "a second cycle to the same strain",
         "mullins_softening": "reloading to near zero strain, where softening vanishes",
+        "nonlinear_viscosity": "the same cycles at rates two decades apart, or a pause",
     }
+
+    @property
+    def second_forms(self):
+        return (PlasticElement(),)
 
     def before(self, p, signal, state):
         a, power = p["ratio"], p["exponent"]
@@ -102,3 +108,53 @@ class PermanentSet(Effect):
 
     def telltale(self):
         return cycles([0.3, 0.3, 0.6, 0.6], 0.05)
+
+
+class PlasticElement(PermanentSet):
+    r"""An element that yields in parallel to the rest and, unloaded, holds it open.
+
+    .. math:: \sigma_p = E g, \qquad
+              dg = d\varepsilon - |d\varepsilon|
+                   \left|\frac{g}{y}\right|^{n} \mathrm{sign}\, g
+
+    stiffness E in MPa, yield y as strain of the spring, sharpness n of the yield. The
+    flow is that of a power-law dashpot with travel in place of time: alike at every
+    rate, none in a pause, and a little more at each further peak. What yields below
+    10 % of strain is friction; what flows with time, viscosity. Valanis 1971, *Archives
+    of Mechanics* 23, 517-551.
+    """
+
+    ports = ("equilibrium",)
+    parameters = (
+        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E"),
+        Parameter("yield_strain", "-", 0.1, 10.0, 0.3, "log", "y, of the spring"),
+        Parameter("sharpness", "-", 3.0, 60.0, 12.0, "log", "n, of the yield"),
+    )
+    off = {"stiffness_MPa": 0.0}
+    amplitude = "stiffness_MPa"
+    shape = ()
+    before = Effect.before
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import flow
+
+        last, carried = (np.zeros((1, 1)), 0.0) if state is None else state
+        increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
+        limit, travel = p["yield_strain"], np.abs(increment)
+        sets = max(increment.shape[1], limit.size, p["sharpness"].size)
+        carried = np.broadcast_to(carried, (sets,)).copy()
+        out = np.empty((len(increment), sets))
+        flow(travel, increment, limit, limit, p["sharpness"], carried, out)
+        new = replace(signal, equilibrium=signal.equilibrium + p["stiffness_MPa"] * out)
+        return new, (signal.strain[-1:], carried)
+
+    def starts(self, scales):
+        size = 0.5 * scales.stress_MPa / scales.strain
+        return [
+            {
+                "stiffness_MPa": size,
+                "yield_strain": float(np.clip(share * scales.strain, 0.1, 10)),
+                "sharpness": 12.0,
+            }
+            for share in (0.5, 0.75)
+        ]

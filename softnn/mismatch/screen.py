@@ -28,9 +28,11 @@ class Lead:
 def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
     """A piece for each start of an effect: core parameters free, all recordings on."""
     r = len(engine.chunks)
+    scales = engine.data.scales()
+    effect = effect.within(scales)
     out = []
     fixed = effect.defaults()
-    for start in effect.starts(engine.data.scales()):
+    for start in effect.starts(scales):
         values: dict[str, Any] = fixed | dict(start)
         for p in effect.parameters:
             inside = np.clip(values[p.name], p.low, p.high)
