@@ -114,7 +114,7 @@ class PowerLawViscosity(NonlinearViscosity):
     .. math:: \dot g = \dot\varepsilon - \frac{g_0}{\tau}
               \left|\frac{g}{g_0}\right|^{n} \mathrm{sign}\, g
 
-    Creep has n of 3 to 6; far above, flow sets in at a yield (`permanent_set`).
+    Far above, flow sets in at a yield: that is `permanent_set`.
     Norton 1929, *The Creep of Steel at High Temperatures*.
     """
 
