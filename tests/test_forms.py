@@ -148,6 +148,72 @@ def test_memory_is_allowed_for_after_gaps_alone():
     assert np.all(np.diff(columns[time[keep] > 5], axis=0) < 0)
 
 
+def test_a_gap_leaves_no_more_than_a_branch_could_take_up():
+    # The largest excursion there can be, held for the whole gap, in closed form.
+    time = np.r_[np.arange(0, 3, 0.01), np.arange(5, 8, 0.01)]
+    strain = 0.1 * np.clip(time, 0, 2)
+    engine = Engine(Data(("a",), (Chunk(time, strain),), (strain,)))
+    found = replace_stiffness(fit(engine, Guess(BASE, np.ones(3))), np.ones(3))
+    step = 5 - time[299]
+    held = 0.2 * -np.expm1(-step / np.array(BASE.relaxation_times))
+    memory = forms.memories(engine, found)
+    np.testing.assert_allclose(memory.high, held, rtol=1e-6)
+
+
+def continued(pauses, offset=0.0, sigma=1e-3):
+    """Three recordings of one specimen with pauses, s, that the clocks do not tell."""
+    rng = np.random.default_rng(3)
+    shapes = [programme(p) for p in ((0.4,), (0.2, 0.4, 0.6), (0.6, 0.6, 0.3))]
+    true, start = [], 0.0
+    for (time, strain), pause in zip(shapes, (0.0, *pauses), strict=True):
+        true.append(Chunk(start + pause + time, strain))
+        start = true[-1].time_s[-1]
+    stress = simulate(BASE, np.array([1.0, 0.3, 0.4]), [], true, continued=True)
+    noisy = [s + sigma * rng.standard_normal(len(s)) for s in stress]
+    noisy[1] += offset
+    chunks = tuple(Chunk(*x) for x in shapes)
+    data = Data(("a", "b", "c"), chunks, tuple(noisy), continued=True)
+    return Engine(data, [np.full(600, sigma)] * 3, [0.0] * 3)
+
+
+@pytest.mark.parametrize("pauses", [(1.0, 0.4), (7.0, 30.0)])
+def test_a_pause_of_unknown_length_is_no_mismatch(pauses):
+    engine = continued(pauses)
+    found = fit(engine, Guess(BASE, np.ones(3)))
+    n = len(engine.target)
+    assert found.chi2 > 1.3 * n
+    assert forms.remembered(engine, found) < 1.08 * n
+    assert np.sum(forms.unforgotten(engine, found)[0] ** 2) < 1.08 * n
+
+
+@pytest.mark.parametrize("offset", [-0.004, 0.004])
+def test_an_offset_is_no_pause(offset):
+    # Slow branches fade like an offset, but carry no more stress than they were given.
+    slow = Units("wiechert", (0.0, 1.0), (0.5, 5.0, 40.0, 300.0))
+    engine = continued((0.01, 0.01), offset)
+    found = fit(engine, Guess(slow, np.ones(5)))
+    zero = effect("zero_offset")
+    piece = Piece(zero, {"offset_MPa": np.zeros(3)}, ("offset_MPa",), ((1,),))
+    after = fit(engine, Guess(slow, np.ones(5), (piece,)))
+    gain = found.chi2 - after.chi2
+    assert gain > 1000
+    kept = forms.remembered(engine, found) - forms.remembered(engine, after)
+    assert kept > 0.3 * gain
+
+
+def test_a_pause_is_met_on_the_line_through_its_lengths():
+    # Where the foot of the perpendicular lies within a segment, and beyond the ends.
+    points = np.array([[0.0, 1.0, 2.0], [0.0, 0.0, 2.0]])
+    gram = points.T @ points
+    for target, weight in (
+        ([0.25, -1.0], [0.75, 0.25, 0]),
+        ([-3.0, 0.0], [1, 0, 0]),
+        ([3.0, 4.0], [0, 0, 1]),
+    ):
+        found = forms._nearest(gram, points.T @ np.array(target))
+        np.testing.assert_allclose(found, weight, atol=1e-12)
+
+
 def test_what_nobody_wrote_down_is_not_left():
     # Noise, and what a branch remembers of a gap: slow curves that are no hum.
     time, strain = programme((0.5, 0.3))

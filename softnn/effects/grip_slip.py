@@ -9,7 +9,6 @@ import numpy as np
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
-
 EARLY = (0.015, 0.03, 0.045, 0.06, 0.105)  # of a recording: its first loading
 
 

@@ -226,7 +226,9 @@ def enough(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
     if before.chi2 - after.chi2 < needed or score(before) - score(after) < 20:
         return False
     left = remembered(engine, finer(engine, before))
-    return left - remembered(engine, finer(engine, after)) > needed
+    gain = left - remembered(engine, finer(engine, after))
+    price = (after.parameters - before.parameters) * np.log(len(before.residual))
+    return bool(gain > max(needed, price))
 
 
 def reweighed(base: Baseline, found: list[Rival], threshold: float) -> list[Rival]:

@@ -8,7 +8,9 @@ than such distortions do is the form of the first.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,11 @@ from softnn.fit import Engine, Fit, Guess, _bounded, derivative, fit, slots, spa
 
 GAP = 6.0  # typical intervals, beyond which something may have happened unseen
 MOST_GAPS = 3  # of a recording, the longest, whose memory is allowed for
+LENGTHS = 40  # at which the effect of a pause is worked out
+SWEEPS = 50  # at most, through all pauses
+SETTLED = 0.01  # of the misfit, below which a sweep is the last
+ROUNDS = 4  # at most, of simulating the pauses found
+CHANGED = 0.05  # of misfit, a sample, from which they are simulated
 LAGS = (3.0, 30.0)  # of the sampling interval, by which a distortion may trail
 
 
@@ -109,11 +116,18 @@ def finer(engine: Engine, found: Fit, branches_too: bool = True) -> Fit:
 
 @dataclass(frozen=True)
 class Memory:
-    """Changes of stress (valid, k), MPa, and the multiples of each that can be."""
+    """Changes of stress, MPa, by what nobody wrote down: in gaps, and in pauses.
+
+    `columns` (valid, k) and the multiples of each that can be, `low` and `high` (k,);
+    `pauses`, of the pause before each recording but the first its effect (valid, k)
+    were it of the `lengths` (k,) in s.
+    """
 
     columns: Array
     low: Array
     high: Array
+    pauses: list[Array]
+    lengths: list[Array]
 
 
 def memories(engine: Engine, found: Fit) -> Memory:
@@ -121,70 +135,155 @@ def memories(engine: Engine, found: Fit) -> Memory:
 
     After a gap in time a branch of the base may remember as much strain as could have
     come and gone in it; a recording that goes on from another begins after a pause of
-    unknown length, in which the branches forget.
+    unknown length, in which the branches forget: all of them for as long.
     """
     units = found.guess.units
     stiffness = found.guess.stiffness[units.segments :]
-    times = np.array(units.relaxation_times)
     live = stiffness > 0
-    columns, low, high = [], [], []
-    ends = engine.data.starts
-    state, last = None, None
+    stiffness, times = stiffness[live], np.array(units.relaxation_times)[live]
+    columns = [np.zeros((len(engine.target), 0))]
+    low, high = [np.zeros(0)], [np.zeros(0)]
+    pauses, lengths = [], []
+    clock = np.concatenate([c.time_s for c in engine.chunks])[engine.valid]
+    state, last, ended = None, np.zeros(0), 0.0
     for r, chunk in enumerate(engine.chunks):
         _, branch, state = engine.columns(
             units, r, chunk, state if engine.data.continued else None
         )
         time = chunk.time_s
+        # What is carried on is carried through the recordings that follow, too.
+        own = engine.owner >= r if engine.data.continued else engine.owner == r
         step = np.diff(time)
         fastest = np.max(np.abs(np.diff(chunk.strain)) / np.maximum(step, 1e-12))
         span = float(np.ptp(chunk.strain))
         gaps = np.flatnonzero(step > GAP * np.median(step)) + 1
-        shapes = []
         for gap in gaps[np.argsort(-step[gaps - 1])][:MOST_GAPS]:
-            after = np.maximum(time - time[gap], 0.0)[:, None]
-            begun = (time >= time[gap])[:, None]
-            shapes.append(np.exp(-after / times[live]) * begun)
-            most = stiffness[live] * min(fastest * step[gap - 1], span)
+            columns.append(_fading(clock, time[gap], own, times))
+            lasted = step[gap - 1]
+            # Of strain that came and went a branch holds what it had time to forget.
+            most = -np.expm1(-lasted / times) * stiffness * min(fastest * lasted, span)
             low.append(-most)
             high.append(most)
-        if engine.data.continued and last is not None and live.any():
-            pause = np.quantile(times[live], [0.0, 0.5, 1.0])
-            forgotten = np.expm1(-pause[:, None] / times) * (stiffness * last)
-            shapes.append(np.exp(-(time - time[0])[:, None] / times) @ forgotten.T)
-            # Of any size: it also stands for what was done before the first sample.
-            low.append(np.full(len(pause), -np.inf))
-            high.append(np.full(len(pause), np.inf))
-        last = branch[-1]
-        for shape in shapes:
-            column = np.zeros((len(engine.measured), shape.shape[1]))
-            column[ends[r] : ends[r + 1]] = shape
-            columns.append(column[engine.valid])
-    if not columns:
-        none = np.zeros(0)
-        return Memory(np.zeros((len(engine.target), 0)), none, none)
+        if engine.data.continued and r and live.any():
+            taken = time[0] - ended
+            shortest, longest = min(taken, times.min()), times.max()
+            long = np.geomspace(0.1 * shortest, 30 * longest, LENGTHS)
+            kept = np.exp(-long[:, None] / times) - np.exp(-taken / times)
+            kept *= stiffness * last
+            lengths.append(long)
+            pauses.append(_fading(clock, time[0], own, times) @ kept.T)
+        last, ended = branch[-1][live], time[-1]
     return Memory(
-        np.concatenate(columns, axis=1), np.concatenate(low), np.concatenate(high)
+        np.concatenate(columns, axis=1),
+        np.concatenate(low),
+        np.concatenate(high),
+        pauses,
+        lengths,
     )
+
+
+def _fading(clock: Array, start: float, own: NDArray[np.bool], times: Array) -> Array:
+    """Decays (valid, times) from `start` on, nothing before it nor elsewhere."""
+    after = (clock - start)[:, None]
+    return np.exp(-np.maximum(after, 0.0) / times) * ((after >= 0) & own[:, None])
+
+
+def _recalled(engine: Engine, found: Fit) -> tuple[float, Array, Array]:
+    """Misfit of a fit that remembers what suits it; what it does (valid, k); pauses, s.
+
+    The base is free to adjust. Each pause is followed along the curve of its lengths,
+    straight between them, in turn with the others and with the gaps.
+    """
+    memory = memories(engine, found)
+    gaps = memory.columns.shape[1]
+    if not gaps and not memory.pauses:
+        return found.chi2, memory.columns, np.zeros(0)
+    q = span(free_columns(found))
+    left = found.residual - q @ (q.T @ found.residual)
+    columns = engine.whiten(np.concatenate([memory.columns, *memory.pauses], axis=1))
+    seen = q.T @ columns
+    gram, right = columns.T @ columns - seen.T @ seen, columns.T @ left
+    ends = gaps + LENGTHS * np.arange(len(memory.pauses) + 1)
+    curves = [slice(a, b) for a, b in pairwise(ends)]
+    weight = np.zeros(len(right))
+    chi2 = float(left @ left)
+    for _ in range(SWEEPS):
+        before = chi2
+        for own in curves:
+            weight[own] = 0
+            weight[own] = _nearest(gram[own, own], right[own] - gram[own] @ weight)
+        if gaps:
+            rest = right[:gaps] - gram[:gaps, gaps:] @ weight[gaps:]
+            weight[:gaps] = _bounded(
+                gram[:gaps, :gaps], rest, memory.low, memory.high, weight[:gaps]
+            )
+        chi2 = float(left @ left - 2 * right @ weight + weight @ gram @ weight)
+        if not chi2 < before - SETTLED:
+            break
+    chosen = [columns[:, own] @ weight[own, None] for own in curves]
+    pauses = [
+        np.exp(np.log(length) @ weight[own])
+        for length, own in zip(memory.lengths, curves, strict=True)
+    ]
+    both = np.concatenate([columns[:, :gaps], *chosen], axis=1)
+    return chi2, both, np.array(pauses)
+
+
+def _nearest(gram: Array, right: Array) -> Array:
+    """Weights (k,) of the point of a line through k points that leaves least.
+
+    `gram` (k, k) of the points, `right` (k,) their products with what is to be met.
+    """
+    square, ahead = np.diag(gram), np.diag(gram, 1)
+    slope = ahead - square[:-1] - np.diff(right)
+    bend = np.maximum(square[:-1] + square[1:] - 2 * ahead, 1e-300)
+    share = np.clip(-slope / bend, 0.0, 1.0)
+    left = square[:-1] - 2 * right[:-1] + share * (2 * slope + share * bend)
+    k = int(np.argmin(left))
+    weight = np.zeros(len(right))
+    weight[k : k + 2] = 1 - share[k], share[k]
+    return weight
+
+
+def _settled(engine: Engine, found: Fit) -> tuple[Fit, float, Array]:
+    """A fit with the pauses that suit it; misfit and columns (valid, k) of `_recalled`.
+
+    A pause that does much is simulated: its effect is linear in no more than a small
+    change of what the base and the pauses before it are.
+    """
+    best = None
+    for _ in range(ROUNDS):
+        chi2, columns, pauses = _recalled(engine, found)
+        if best is None or chi2 < best[1]:
+            best = found, chi2, columns
+        if not len(pauses) or found.chi2 - chi2 < CHANGED * len(found.residual):
+            break
+        engine = _paused(engine, pauses)
+        found = fit(engine, found.guess, fixed_base=found.fixed_base, iterations=4)
+    assert best is not None
+    return best
 
 
 def remembered(engine: Engine, found: Fit) -> float:
     """Whitened misfit of a fit that may also remember what nobody wrote down."""
-    memory = memories(engine, found)
-    if not memory.columns.shape[1]:
-        return found.chi2
-    live = free_columns(found)
-    both = np.concatenate([live, engine.whiten(memory.columns)], axis=1)
-    free = np.full(live.shape[1], np.inf)
-    low, high = np.concatenate([-free, memory.low]), np.concatenate([free, memory.high])
-    start = np.zeros(both.shape[1])
-    x = _bounded(both.T @ both, both.T @ found.residual, low, high, start)
-    return float(np.sum((found.residual - both @ x) ** 2))
+    return _settled(engine, found)[1]
+
+
+def _paused(engine: Engine, pauses: Array) -> Engine:
+    """The engine with pauses (recordings - 1,), s, between recordings."""
+    chunks = [engine.chunks[0]]
+    for chunk, pause in zip(engine.chunks[1:], pauses, strict=True):
+        time = chunk.time_s - chunk.time_s[0] + chunks[-1].time_s[-1] + pause
+        chunks.append(replace(chunk, time_s=time))
+    other = copy(engine)
+    other.chunks, other._cache = chunks, {}
+    return other
 
 
 def unforgotten(engine: Engine, found: Fit) -> tuple[Array, Array]:
     """What is left (valid,) beyond a fit and what nobody wrote down; their span."""
-    memory = engine.whiten(memories(engine, found).columns)
-    q = span(np.concatenate([free_columns(found), memory], axis=1))
+    found, _, columns = _settled(engine, found)
+    q = span(np.concatenate([free_columns(found), columns], axis=1))
     return found.residual - q @ (q.T @ found.residual), q
 
 
