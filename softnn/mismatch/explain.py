@@ -7,7 +7,7 @@ take up is what is left beyond their distortions (`forms`).
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,7 +119,7 @@ def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
         found = search(base, rng)
         if odd := apart(base, found):
             again = search(base, rng, odd, found.first)
-            if odd.effect in again.selected:
+            if again.excess_after < LEFT * found.excess_after:
                 found = again
     return found
 
@@ -149,7 +149,7 @@ def search(
 ) -> Explanation:
     """Forward from the base, one effect at a time, then swaps and backward.
 
-    `known` is the first effect where it is known; `first`, what then competed with it.
+    `known` is an effect that is there for sure; `first`, what competed without it.
     """
     engine, noise = base.engine, base.noise
     pool = candidates(engine, base.name, base.fixed)
@@ -160,7 +160,8 @@ def search(
     if known:
         steps.append(Step([known], score(current) - score(known.fit), known.fit))
         current = known.fit
-    while len(steps) < MOST_EFFECTS:
+    sure = {known.effect} if known else set()
+    while len(steps) < MOST_EFFECTS + len(sure):
         if not steps:
             first, threshold = rivals(engine, current, pool, rng)
             found = simplest(engine, current, first)
@@ -183,13 +184,13 @@ def search(
         if len(steps) == 2:
             current = swap(engine, base.fit, steps)
         if len(steps) > 1:
-            current = exchange(engine, current, pool, rng)
+            current = exchange(engine, current, pool, rng, sure)
         # Better explained is better weighed: the noise is read off what is left.
         noise = weigh(engine, current)
         current = fit(engine, current.guess, fixed_base=base.fixed, iterations=4)
         steps[-1].fit = current
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=4)
-    current = backward(engine, base.fit, current, threshold)
+    current = backward(engine, base.fit, current, threshold, sure)
     if current.chi2 / len(engine.target) > COARSE:
         current = resolved(engine, base, current)
     n = len(engine.target)
@@ -404,11 +405,17 @@ def beam(
 
 
 def exchange(
-    engine: Engine, found: Fit, pool: Sequence[Effect], rng: np.random.Generator
+    engine: Engine,
+    found: Fit,
+    pool: Sequence[Effect],
+    rng: np.random.Generator,
+    sure: Set[str],
 ) -> Fit:
     """Several effects with each in turn given up for what would then come instead."""
     best = found
     for name in names(found):
+        if name in sure:
+            continue
         kept = tuple(p for p in best.guess.pieces if p.effect.id != name or p.nuisance)
         if len(kept) == len(best.guess.pieces):
             continue
@@ -423,17 +430,21 @@ def exchange(
     return best
 
 
-def backward(engine: Engine, base: Fit, found: Fit, threshold: float) -> Fit:
+def backward(
+    engine: Engine, base: Fit, found: Fit, threshold: float, sure: Set[str]
+) -> Fit:
     """The fit without the effects that the others, in any form, can do without."""
     named = names(found)
     spared: list[Fit] = []
     for name in named if len(named) > 1 else []:
+        if name in sure:
+            continue
         rest = without(engine, found, name)
         if not adds(engine, base, rest, found, threshold):
             spared.append(rest)
     if not spared:
         return found
-    return backward(engine, base, min(spared, key=score), threshold)
+    return backward(engine, base, min(spared, key=score), threshold, sure)
 
 
 def without(engine: Engine, found: Fit, name: str) -> Fit:
