@@ -37,11 +37,12 @@ if TYPE_CHECKING:
 VERSION = 1
 SEARCH = 1000  # samples a recording while searching
 REPORT = 6000  # samples a recording for regions, figures and errors
-EXPLAINED, PARTLY = 0.08, 0.5  # share of the excess left, at most
-ANY_FORM = 0.03  # and the share left by the effects in any form
+EXPLAINED, PARTLY = 0.03, 0.5  # share of the excess left, at most
+ANY_FORM = 0.02  # and the share left by the effects in any form
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
 DOUBT = 0.25  # excess that may still be the noise, taken for too little
 LINE = 3.0  # times the power that noise may show at one period, which is no noise
+BEAT = 4.0  # the same for what is left, whose form may repeat with the cycles
 STRANGE = 20.0  # odds from which on what is there is on no list
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
@@ -89,6 +90,7 @@ def diagnose(
     short = thin(masked, SEARCH)
     base = _base(short, thin(masked, REPORT), chosen)
     found = explain(base, rng)
+    found.line = regular(found)
     full = _at_full(thin(masked, REPORT), base, found)
     verdict, names = _verdict(base, found)
     learned = None
@@ -196,7 +198,17 @@ def clear(found: Explanation) -> bool:
     doubt = WHITE + COLOURED * max(colour - 0.3, 0.0)
     bent = max(found.excess_bent, 0.0) / max(found.excess_before, 1e-9)
     formed = found.left < EXPLAINED and bent < ANY_FORM
-    return formed or found.excess_after < doubt
+    return (formed or found.excess_after < doubt) and found.line < BEAT
+
+
+def regular(found: Explanation) -> float:
+    """What an explanation leaves at one period, over what noise may show there."""
+    if not found.steps:
+        return 0.0
+    engine = found.base.engine
+    left, _ = unforgotten(engine, found.final)
+    line = period(engine, left, np.random.default_rng(0))
+    return float(line["power"] / line["threshold"]) if line else 0.0
 
 
 def _structure(

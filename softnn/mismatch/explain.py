@@ -79,6 +79,7 @@ class Explanation:
     excess_bent: float  # the same with the effects in any form
     first: list[Rival]  # all rivals for the first effect, best first
     strangers: list[Rival]  # laws that are on no list, best first
+    line: float = 0.0  # of what is left, at one period, over what noise may show there
 
     @property
     def selected(self) -> list[str]:
