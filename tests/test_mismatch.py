@@ -493,3 +493,14 @@ def test_constant_strain_and_one_recording_are_allowed(tmp_path):
     )
     result = diagnose(read_case(tmp_path)).result
     assert result["verdict"] in ("nothing_missing", "undetermined")
+
+
+def test_a_clock_may_run_on_and_repeat_the_last_sample(tmp_path):
+    folder = write_case(tmp_path, toml='history = "continued"\n')
+    begins = 0.0
+    for file in sorted((folder / "recordings").glob("*.csv")):
+        table = pd.read_csv(file)
+        table["time_s"] += begins
+        begins = table["time_s"].iloc[-1]
+        table.to_csv(file, index=False)
+    assert 0 < diagnose(read_case(folder)).result["fit"]["after"]["nrmse"] < 0.1

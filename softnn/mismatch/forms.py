@@ -166,8 +166,9 @@ def memories(engine: Engine, found: Fit) -> Memory:
             high.append(most)
         if engine.data.continued and r and live.any():
             taken = time[0] - ended
-            shortest, longest = min(taken, times.min()), times.max()
-            long = np.geomspace(0.1 * shortest, 30 * longest, LENGTHS)
+            # A clock that runs on may begin a recording with the last sample again.
+            shortest = min(taken, times.min()) or times.min()
+            long = np.geomspace(0.1 * shortest, 30 * times.max(), LENGTHS)
             kept = np.exp(-long[:, None] / times) - np.exp(-taken / times)
             kept *= stiffness * last
             lengths.append(long)
