@@ -43,6 +43,7 @@ WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
 DOUBT = 0.25  # excess that may still be the noise, taken for too little
 LINE = 3.0  # times the power that noise may show at one period, which is no noise
 BEAT = 4.0  # the same for what is left, whose form may repeat with the cycles
+FAINT = 3.0  # excess of the base, up to which its error is within twice the noise
 STRANGE = 20.0  # odds from which on what is there is on no list
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
@@ -415,11 +416,13 @@ def _probability(found: Explanation, rivals: Sequence[Rival], piece: Piece) -> f
     own = next((i for i, r in enumerate(rivals) if r.effect == name), None)
     # With much left unexplained a good fit names the nearest effect, not the right one:
     # on development cases it was right in two out of five. So it is with a mistake of
-    # some recordings that most of them would have made, and with a third effect. An
-    # explanation stands or falls as a whole.
+    # some recordings that most of them would have made, with a third effect, and with a
+    # second where the first mismatch was within twice the noise (right in three of five
+    # where little is on no list). An explanation stands or falls as a whole.
     pieces = [p for p in found.final.guess.pieces if not p.nuisance]
     spongy = any(sponge(found.base.engine, p) for p in pieces)
-    doubtful = found.left > PARTLY or len(found.selected) > 2
+    many = len(found.selected) > (1 if found.excess_before < FAINT else 2)
+    doubtful = found.left > PARTLY or many
     trust = 0.4 if doubtful or spongy or not clear(found) else 1
     # An effect that came in by exchange had its rivals all tried against it.
     chance = 1.0 if own is None or rivals[0].effect != name else float(weight[own])
