@@ -14,7 +14,7 @@ from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, fit
 from softnn.mismatch import diagnose, read_case
 from softnn.mismatch.case import mask_gaps, thin, to_data
-from softnn.mismatch.locate import BRANCHES, phases, runs
+from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
 from softnn.mismatch.model_file import from_dict, read_model, to_dict
 from softnn.mismatch.verify import heldout, ratio_interval
 from softnn.models.units import Units
@@ -504,3 +504,18 @@ def test_a_clock_may_run_on_and_repeat_the_last_sample(tmp_path):
         begins = table["time_s"].iloc[-1]
         table.to_csv(file, index=False)
     assert 0 < diagnose(read_case(folder)).result["fit"]["after"]["nrmse"] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("levels", "only"),
+    [
+        ([0, 0.8], True),
+        ([0, 0, 0.8], True),
+        ([0, 0.8, 0.8], False),
+        ([0, 0.8, 0], False),
+    ],
+)
+def test_a_wait_before_the_pull_is_no_hold(levels, only):
+    chunk = straight(levels, 0.02, 0.1)
+    data = Data(("a",), (chunk,), (chunk.strain,))
+    assert only_loading(Engine(data)) == only

@@ -22,6 +22,7 @@ from softnn.mismatch.forms import unforgotten
 
 WINDOWS = (8, 16, 32, 64, 128, 256)
 SIGMAS = 2.0  # beyond which an effect is said to act
+RESTING = 0.05  # of the largest strain, below which a specimen is not strained yet
 LOADING = 0.95  # share of the samples of a recording that only loads
 
 
@@ -98,9 +99,16 @@ def turns(x: Array, band: float) -> Array:
 
 
 def only_loading(engine: Engine) -> bool:
-    """Whether no recording comes back or holds: nothing but first loading was seen."""
+    """Whether no recording comes back or holds: nothing but first loading was seen.
+
+    A wait before it, at next to no strain, is no hold.
+    """
     loading = BRANCHES.index("first loading")
-    return all((phases(c).branch == loading).mean() > LOADING for c in engine.chunks)
+    return all(
+        np.mean((phases(c).branch == loading) | (size < RESTING * size.max())) > LOADING
+        for c in engine.chunks
+        for size in [np.abs(c.strain)]
+    )
 
 
 def action(engine: Engine, found: Fit) -> Array:
