@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, fit
 from softnn.mismatch import diagnose, read_case
 from softnn.mismatch.case import mask_gaps, thin, to_data
+from softnn.mismatch.diagnosis import _probability
 from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
 from softnn.mismatch.model_file import from_dict, read_model, to_dict
 from softnn.mismatch.verify import heldout, ratio_interval
@@ -519,3 +521,35 @@ def test_a_wait_before_the_pull_is_no_hold(levels, only):
     chunk = straight(levels, 0.02, 0.1)
     data = Data(("a",), (chunk,), (chunk.strain,))
     assert only_loading(Engine(data)) == only
+
+
+def account(**other):
+    """An explanation as the verdict sees it: a mismatch of ten times the noise."""
+    values = {"left": 0.01, "excess_before": 10.0, "excess_after": 0.1, "line": 0.0}
+    values |= {"excess_bent": 0.05, "selected": ["slack"], "odds_of_strangers": 0.0}
+    guess = SimpleNamespace(pieces=())
+    values |= {"final": SimpleNamespace(guess=guess), "base": SimpleNamespace(engine=0)}
+    return SimpleNamespace(**values | other, noise=[SimpleNamespace(correlation=0.0)])
+
+
+@pytest.mark.parametrize(
+    ("other", "sure"),
+    [
+        ({}, True),
+        ({"left": 0.05}, False),
+        ({"excess_bent": 0.5}, False),  # no form of the effect takes it up
+        ({"line": 6.0}, False),  # something that comes back regularly is left
+        ({"selected": ["slack", "gain_error"]}, True),
+        ({"selected": ["slack", "gain_error"], "excess_before": 2.0}, False),
+        ({"selected": ["slack", "gain_error", "inertia"]}, False),
+    ],
+)
+def test_a_name_is_sure_only_where_little_speaks_against_it(other, sure):
+    law = effect("slack")
+    rival = SimpleNamespace(
+        effect="slack", fit=SimpleNamespace(residual=[0] * 9, chi2=9.0, parameters=1)
+    )
+    excess = other.get("excess_before", 10.0)
+    found = account(**{"excess_bent": 0.005 * excess, **other})
+    chance = _probability(found, [rival], SimpleNamespace(effect=law))
+    assert (chance >= 0.5) == sure
