@@ -210,6 +210,7 @@ class Effect(ABC):
     contains: tuple[str, ...] = ()  # ids of simpler laws that this one can become
     shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
     needs_temperature: bool = False
+    on_return: bool = False  # whether only strain that comes back can show it
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of what looks the same -> what tells them apart
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here
@@ -262,9 +263,10 @@ class Effect(ABC):
         """Whether it changes the strain that the model gets."""
         return type(self).before is not Effect.before
 
-    def prepare(self, parameters: Parameters) -> dict[str, Array]:
+    def prepare(self, parameters: Parameters, check: bool = True) -> dict[str, Array]:
         """Checked parameters as arrays (1,) or (sets,), as the hooks want them."""
-        check_parameters(self.parameters, parameters, self.id)
+        if check:
+            check_parameters(self.parameters, parameters, self.id)
         return {k: np.atleast_1d(np.asarray(v, float)) for k, v in parameters.items()}
 
     def defaults(self) -> dict[str, float]:

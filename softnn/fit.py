@@ -299,7 +299,8 @@ class Engine:
         for r, chunk in enumerate(self.chunks):
             if not self.data.continued:
                 memory, state = {}, None
-            values = [t.at(r) for t in terms]
+            # A solver within bounds asks far too often to be checked each time.
+            values = [t.at(r, check=False) for t in terms]
             signal = reach(terms, values, chunk, memory)
             inner = chunk
             if before:

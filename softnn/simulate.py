@@ -27,7 +27,7 @@ class Term:
     effect: Effect
     values: dict[str, Any] = field(default_factory=dict)
 
-    def at(self, recording: int) -> dict[str, Array]:
+    def at(self, recording: int, check: bool = True) -> dict[str, Array]:
         """Values of one recording, checked and ready for the hooks."""
         own = {
             k: np.asarray(v)[recording]
@@ -35,7 +35,7 @@ class Term:
             else v
             for k, v in self.values.items()
         }
-        return self.effect.prepare(own)
+        return self.effect.prepare(own, check)
 
 
 Memory = dict[tuple[int, str], Any]

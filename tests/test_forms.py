@@ -7,8 +7,8 @@ from softnn import noise
 from softnn.contracts import Chunk
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, span
-from softnn.mismatch import forms
-from softnn.mismatch.contest import rivals
+from softnn.mismatch import contest, explain, forms
+from softnn.mismatch.contest import names, rivals, turn
 from softnn.mismatch.explain import adds
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
@@ -295,3 +295,85 @@ def test_what_no_distortion_takes_up_is_a_later_effect(softened):
     before = fit(engine, Guess(BASE, stiffness, (held,)))
     after = fit(engine, Guess(BASE, stiffness, (held, more)))
     assert adds(engine, base, before, after, threshold=15.0)
+
+
+def two(other, values, sigma=1e-3):
+    """Recordings of a softening and another effect, and the fit of both."""
+    law = effect("mullins_softening")
+    soft = law.defaults() | dict(law.starts(recorded_scales())[0])
+    rng = np.random.default_rng(4)
+    chunks = [Chunk(*programme(p)) for p in ((0.4,), (0.2, 0.4, 0.6), (0.6, 0.6, 0.3))]
+    terms = sorted(
+        [Term(law, soft), Term(effect(other), effect(other).defaults() | values)],
+        key=lambda t: turn(t.effect),
+    )
+    stress = simulate(BASE, np.array([1.0, 0.3, 0.2]), terms, chunks)
+    noisy = tuple(s + sigma * rng.standard_normal(len(s)) for s in stress)
+    engine = Engine(
+        Data(("a", "b", "c"), tuple(chunks), noisy),
+        [np.full(600, sigma)] * 3,
+        [0.0] * 3,
+    )
+    pieces = tuple(
+        Piece(t.effect, t.values, tuple(p.name for p in t.effect.parameters))
+        for t in terms
+    )
+    return engine, fit(engine, Guess(BASE, np.array([1.0, 0.3, 0.2]), pieces))
+
+
+@pytest.mark.parametrize("completes", [True, False])
+def test_what_completes_an_account_is_added_though_a_form_could_do_it(
+    monkeypatch, completes
+):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    one = explain.without(engine, both, "permanent_set")
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    n = len(engine.target)
+    assert one.chi2 > 1.2 * n
+    assert both.chi2 < 1.03 * n
+    # As if some form of the softening could take all of it.
+    monkeypatch.setattr(explain, "without_form", lambda *a: float(n))
+    if not completes:
+        monkeypatch.setattr(explain, "COMPLETE", -1.0)
+    assert adds(engine, base, one, both, 20.0) == completes
+
+
+def test_an_effect_beside_another_is_what_fits_best_of_its_twins():
+    law = effect("strain_dependent_relaxation")
+    engine, true = two(law.id, {"growth": -0.8, "curvature": 0.0})
+    held = explain.without(engine, true, law.id)
+    wrong = explain.at_best(
+        engine, explain.Screen(engine, held), effect("finite_strain")
+    )
+    assert wrong is not None
+    pool = [law, effect("finite_strain")]
+    best, beside = explain.twins(engine, wrong, pool, set())
+    assert set(names(best)) == {"mullins_softening", law.id}
+    assert [r.effect for r in beside[law.id]] == [law.id, "finite_strain"]
+    # What is known for sure is not exchanged.
+    kept, _ = explain.twins(engine, wrong, pool, {"finite_strain"})
+    assert set(names(kept)) == {"mullins_softening", "finite_strain"}
+
+
+@pytest.mark.parametrize("own", [(0,), (0, 1, 2)])
+def test_other_first_effects_are_tried_where_one_has_values_everywhere(
+    monkeypatch, own
+):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    gain = effect("gain_error")
+    piece = Piece(
+        gain, {"error": np.full(3, 0.1)}, ("error",), tuple((i,) for i in own)
+    )
+    current = fit(engine, Guess(BASE, np.ones(3), (piece,)))
+    first = [
+        contest.Rival("gain_error", current, 0.0),
+        contest.Rival("mullins_softening", both, 0.0),
+    ]
+    tried = []
+    monkeypatch.setattr(explain, "mostly", lambda *a: True)
+    monkeypatch.setattr(
+        explain, "further", lambda e, fit, *a: (tried.append(fit) or [], 0.0)
+    )
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    explain.beam(engine, base, current, first, [], [], np.random.default_rng(0))
+    assert tried == ([both] if len(own) == 3 else [])

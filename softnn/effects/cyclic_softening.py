@@ -27,6 +27,7 @@ class CyclicSoftening(Effect):
     """
 
     stage = "material"
+    on_return = True
     ports = ("equilibrium", "branches")
     parameters = (
         Parameter("loss", "-", -0.2, 0.6, 0.12, meaning="c, share a decade of cycles"),

@@ -31,6 +31,7 @@ class FrictionHysteresis(Effect):
     """
 
     stage = "material"
+    on_return = True
     ports = ("equilibrium",)
     parameters: tuple[Parameter, ...] = (
         Parameter("friction_MPa", "MPa", 0.0, 1e4, 0.05, meaning="F"),

@@ -32,6 +32,7 @@ class PermanentSet(Effect):
     """
 
     stage = "material"
+    on_return = True
     ports: tuple[str, ...] = ("strain", "branch_strain", "equilibrium", "branches")
     parameters: tuple[Parameter, ...] = (
         Parameter("ratio", "-", 0.0, 0.95, 0.1, meaning="set over largest strain at 1"),

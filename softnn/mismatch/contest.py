@@ -17,6 +17,7 @@ from softnn.contracts import Array, Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.forms import beyond, distortions
+from softnn.mismatch.locate import held_only
 from softnn.mismatch.screen import Lead, Screen, null_threshold
 from softnn.mismatch.strangers import STRANGERS
 from softnn.mismatch.verify import intervals
@@ -38,9 +39,12 @@ def candidates(engine: Engine, base: str, fixed: bool) -> list[Effect]:
     """Effects that these recordings and this base could show."""
     scales = engine.data.scales()
     warm = all(c.temperature_C is not None for c in engine.chunks)
+    held = held_only(engine)
     out = []
     for effect in EFFECTS:
         if effect.needs_temperature and not (warm and scales.temperature_C > 0.5):
+            continue
+        if effect.on_return and held:
             continue
         if not fixed and effect.id in INCLUDED.get(base, ()):
             continue
@@ -223,22 +227,37 @@ def simplest(engine: Engine, before: Fit, found: list[Rival]) -> list[Rival]:
     return found
 
 
+def at_best(
+    engine: Engine, screen: Screen, law: Effect, least: float = 0.0
+) -> Fit | None:
+    """The joint refit of one more law, its shape freed.
+
+    None where no start promises a gain of `least`.
+    """
+    leads, _ = screen.lead(law, ENTRY)
+    lead = max(leads, key=lambda x: x.gain, default=None)
+    if lead is None or lead.gain < least:
+        return None
+    best = refine(engine, screen.base, lead.piece, 8)
+    own = (p.effect.id == law.id and not p.nuisance for p in best.guess.pieces)
+    index = next((i for i, is_it in enumerate(own) if is_it), None)
+    if index is None:
+        return None
+    better = release(engine, best, index, False)
+    return better if better.chi2 < best.chi2 else best
+
+
 def strangers(engine: Engine, base: Fit) -> list[Rival]:
     """What laws on no list make of what a base misses, best first."""
     screen = Screen(engine, base)
     out = []
     for law in STRANGERS:
         clock = time.perf_counter()
-        leads, _ = screen.lead(law, ENTRY)
-        if not leads:
+        trial = at_best(engine, screen, law)
+        if trial is None:
             continue
-        lead = max(leads, key=lambda x: x.gain)
-        trial = refine(engine, base, lead.piece, 8)
-        index = [p.effect.id for p in trial.guess.pieces].index(law.id)
-        better = release(engine, trial, index, False)
-        if better.chi2 < trial.chi2:
-            trial = better
-        if law.strange(trial.guess.pieces[index].values, engine.data.scales()):
+        piece = next(p for p in trial.guess.pieces if p.effect.id == law.id)
+        if law.strange(piece.values, engine.data.scales()):
             out.append(Rival(law.id, trial, time.perf_counter() - clock))
     return sorted(out, key=lambda r: score(r.fit))
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from softnn.contracts import Array, Effect, InputError
 from softnn.effects import effect
@@ -77,6 +78,14 @@ def diagnose(
     stored model is taken as it is, not refitted. Raises `InputError` for recordings
     that cannot be diagnosed.
     """
+    # Its products are small: more threads than one take longer.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _diagnose(case, model, seed)
+
+
+def _diagnose(
+    case: Case, model: str | Stored | StoredNetwork | None, seed: int
+) -> Diagnosis:
     clock = time.perf_counter()
     rng = np.random.default_rng(seed)
     chosen = model if model is not None else case.model
@@ -341,7 +350,7 @@ def _explanations(
                         "high": float(high),
                         "unit": p.unit,
                     }
-        rivals = next(
+        rivals = found.beside.get(law.id) or next(
             (s.rivals for s in found.steps if s.rivals[0].effect == law.id), found.first
         )
         same = equivalent(found, rivals, law)

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from softnn.contracts import Effect
+from softnn.effects import effect
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, weigh
 from softnn.mismatch.contest import (
     ENTRY,
     Rival,
+    at_best,
     bent,
     candidates,
     formless,
@@ -31,6 +33,7 @@ from softnn.mismatch.contest import (
     without_form,
 )
 from softnn.mismatch.forms import distortions, finer, remembered
+from softnn.mismatch.screen import Screen
 from softnn.mismatch.siblings import odd_ones
 from softnn.mismatch.verify import heldout
 from softnn.noise import Noise
@@ -38,6 +41,8 @@ from softnn.noise import Noise
 MOST_EFFECTS = 3
 COARSE = 1.5  # misfit over noise, a sample, from which a finer spring may help
 FAR = 8.0  # excess of misfit over noise, a sample, that no form here comes near
+CLEAR = 1.5  # times the threshold of noise, which a later effect must gain
+PLAINLY = 4.0  # the same where as little is left as noise leaves
 SURE = 1.7  # times the threshold of noise, which the first effect must gain
 # What a later effect must win beyond the forms of the earlier ones: shares of what they
 # leave and of what they gained. One that is small beside them must leave little; and
@@ -45,9 +50,15 @@ SURE = 1.7  # times the threshold of noise, which the first effect must gain
 LARGE = ((0.5, 0.02), (0.25, 0.15))
 THIRD = (0.5, 0.05)
 SMALL = {False: (0.6, 0.003), True: (0.8, 0.006)}
+COMPLETE = 0.25  # of the excess, at most, that one which completes the account leaves
+SOME = 0.3  # excess that one effect in any form leaves, if there may be two others
+MISSING = 0.1  # excess that earlier effects must leave for there to be one
 LITTLE = 0.3  # of what earlier effects gained, which anything scattered can take
 PLAIN = 0.5  # of the size that SMALL asks, beside effects of the measuring chain alone
 SCATTERED = 12.0  # times the threshold, for one of single recordings that is small
+PROMISE = 0.3  # of what an effect gains, from which its twins are fitted beside it
+TELLING = 4.0  # of score, by which what is mistaken for an effect must be better
+SPONGY = 6  # first effects tried where the best has values in most recordings
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
 DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
 STRANGER_LEAVES = 0.5  # at most, of the excess that the effects leave
@@ -79,6 +90,7 @@ class Explanation:
     excess_bent: float  # the same with the effects in any form
     first: list[Rival]  # all rivals for the first effect, best first
     strangers: list[Rival]  # laws that are on no list, best first
+    beside: dict[str, list[Rival]] = field(default_factory=dict)  # see `twins`
     line: float = 0.0  # of what is left, at one period, over what noise may show there
 
     @property
@@ -173,8 +185,8 @@ def search(
             current = base.fit
         else:
             found, limit = further(engine, current, pool, rng)
-            if len(steps) == 1 and not known and not mostly(base.fit, current):
-                found = beam(engine, base.fit, first, found, pool, rng)
+            if len(steps) == 1 and not known:
+                found = beam(engine, base.fit, current, first, found, pool, rng)
             if not found or not adds(
                 engine, base.fit, current, found[0].fit, max(limit, threshold)
             ):
@@ -192,6 +204,7 @@ def search(
         steps[-1].fit = current
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=4)
     current = backward(engine, base.fit, current, threshold, sure)
+    current, beside = twins(engine, current, pool, sure)
     if current.chi2 / len(engine.target) > COARSE:
         current = resolved(engine, base, current)
     n = len(engine.target)
@@ -206,6 +219,7 @@ def search(
         (bent(engine, current) if steps else base.fit.chi2) / n - 1,
         first,
         strangers(engine, base.fit) if steps else [],
+        beside,
     )
 
 
@@ -316,11 +330,20 @@ def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -
     first = max(base.chi2 - before.chi2, 1.0)
     left = max(without_form(engine, before, earlier), before.chi2 - DISTORTED * first)
     gain = left - without_form(engine, after, earlier)
+    # Where the laws as they stand come down to the noise, no other form is needed.
+    if len(earlier) < 2 and before.chi2 > (1 + MISSING) * n:
+        complete = after.chi2 - n < COMPLETE * (before.chi2 - n)
+        if complete:
+            gain = before.chi2 - after.chi2
+    else:
+        complete = False
     price = (len(after.slots) - len(before.slots)) * np.log(n)
-    if gain < max(2.0 * threshold, price):
+    if gain < max(CLEAR * threshold, price):
         return False
     if gain < LITTLE * first and any(sponge(engine, p) for p in new):
         return False
+    if complete:
+        return True
     if len(earlier) > 1 and left < n:
         return False
     share = gain / max(left - n, KNOWN * n)
@@ -338,7 +361,12 @@ def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -
     return bool(
         large
         # By the third, two forms have had their say; a small one is theirs.
-        or (len(earlier) < 2 and share > clean and gain > small * first and left > n)
+        or (
+            len(earlier) < 2
+            and share > clean
+            and gain > small * first
+            and (left > n or gain > PLAINLY * threshold)
+        )
     )
 
 
@@ -368,15 +396,17 @@ def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
     return best
 
 
-def mostly(base: Fit, found: Fit) -> bool:
-    """Whether next to nothing is left of what the base missed."""
+def mostly(engine: Engine, base: Fit, found: Fit) -> bool:
+    """Whether next to nothing is left of what the base missed, and less by any form."""
     n = len(base.residual)
-    return found.chi2 / n - 1 < 0.1 * (base.chi2 / n - 1)
+    little = found.chi2 / n - 1 < 0.1 * (base.chi2 / n - 1)
+    return little and bent(engine, found) / n - 1 < SOME
 
 
 def beam(
     engine: Engine,
     base: Fit,
+    current: Fit,
     first: list[Rival],
     found: list[Rival],
     pool: Sequence[Effect],
@@ -384,14 +414,19 @@ def beam(
 ) -> list[Rival]:
     """Later effects on top of the next best first ones, where those lead further.
 
-    Two effects together can look like a third, which then comes first alone.
+    Two effects together can look like a third, which then comes first alone; and a
+    value of its own in most recordings can stand for anything.
     """
+    top = score(base) - score(first[0].fit)
+    if any(sponge(engine, p) for p in current.guess.pieces):
+        others = first[1:SPONGY]
+    elif not mostly(engine, base, current):
+        others = [r for r in first[1:3] if score(base) - score(r.fit) >= 0.3 * top]
+    else:
+        return found
     best = found
     price = np.log(len(base.residual))
-    top = score(base) - score(first[0].fit)
-    for rival in first[1:3]:
-        if score(base) - score(rival.fit) < 0.3 * top:
-            break
+    for rival in others:
         other, _ = further(engine, rival.fit, pool, rng)
         if not other:
             continue
@@ -446,6 +481,42 @@ def backward(
     if not spared:
         return found
     return backward(engine, base, min(spared, key=score), threshold, sure)
+
+
+def twins(
+    engine: Engine, found: Fit, pool: Sequence[Effect], sure: Set[str]
+) -> tuple[Fit, dict[str, list[Rival]]]:
+    """Several effects with each as what it could be mistaken for, if that fits better.
+
+    The best, and of each effect in it the rivals that were tried in its place.
+    """
+    best = found
+    beside: dict[str, list[Rival]] = {}
+    for name in names(found) if len(names(found)) > 1 else []:
+        others = set(effect(name).twins) - set(names(best)) - sure
+        if name in sure or not others:
+            continue
+        rest = without(engine, best, name)
+        screen, least = Screen(engine, rest), PROMISE * (rest.chi2 - best.chi2)
+        tried = [Rival(name, best, 0.0)]
+        # A law that contains this one fits no worse, and says no more.
+        for other in pool:
+            if other.id not in others or name in other.contains:
+                continue
+            clock = time.perf_counter()
+            laws = (other, *other.second_forms)
+            forms = [at_best(engine, screen, law, least) for law in laws]
+            if fits := [f for f in forms if f]:
+                seconds = time.perf_counter() - clock
+                tried.append(Rival(other.id, min(fits, key=score), seconds))
+        tried.sort(key=lambda r: score(r.fit))
+        new = tried[0].fit
+        # What fits better and yet needs other forms more is no better account.
+        if score(new) > score(best) - TELLING or bent(engine, new) > bent(engine, best):
+            tried.sort(key=lambda r: r.effect != name)
+        best = tried[0].fit
+        beside[tried[0].effect] = tried
+    return best, beside
 
 
 def without(engine: Engine, found: Fit, name: str) -> Fit:

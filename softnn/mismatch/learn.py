@@ -31,6 +31,7 @@ FEATURES = (
 )
 NEURONS = 6
 MOST = 1500  # samples the network is trained on; the residual is smooth
+MIXED = 8  # times the residual is shuffled, for what noise may show at one period
 
 
 @dataclass(frozen=True)
@@ -164,9 +165,10 @@ def period(
             step = span / own.sum() if axis == "time" else span / 200
             frequency = np.linspace(4 / span, 0.45 / step, 400)
             z = residual[own]
-            lines.append((frequency, _power(at, z, frequency)))
-            mixed = [_power(at, rng.permutation(z), frequency).max() for _ in range(8)]
-            tops += mixed
+            mixed = [rng.permutation(z) for _ in range(MIXED)]
+            power = _power(at, np.stack([z, *mixed]), frequency)
+            lines.append((frequency, power[0]))
+            tops += list(power[1:].max(axis=1))
         if not lines:
             continue
         limit = float(np.quantile(tops, level)) * 1.5
@@ -184,10 +186,9 @@ def period(
 
 
 def _power(at: Array, z: Array, frequency: Array) -> Array:
-    """Normalised Lomb-Scargle power at each frequency, for values z at `at`."""
-    z = z - z.mean()
+    """Normalised Lomb-Scargle power (rows, k) at frequencies (k,), of z (rows, n)."""
+    z = z - z.mean(axis=1, keepdims=True)
     angle = 2 * np.pi * np.outer(at, frequency)
     c, s = np.cos(angle), np.sin(angle)
-    return ((z @ c) ** 2 / (c**2).sum(axis=0) + (z @ s) ** 2 / (s**2).sum(axis=0)) / (
-        2 * max(z.var(), 1e-300)
-    )
+    power = (z @ c) ** 2 / (c**2).sum(axis=0) + (z @ s) ** 2 / (s**2).sum(axis=0)
+    return power / (2 * np.maximum(z.var(axis=1, keepdims=True), 1e-300))

@@ -23,6 +23,7 @@ from softnn.mismatch.forms import unforgotten
 WINDOWS = (8, 16, 32, 64, 128, 256)
 SIGMAS = 2.0  # beyond which an effect is said to act
 RESTING = 0.05  # of the largest strain, below which a specimen is not strained yet
+BACK = 0.1  # of the largest strain: less is no way back
 LOADING = 0.95  # share of the samples of a recording that only loads
 
 
@@ -109,6 +110,18 @@ def only_loading(engine: Engine) -> bool:
         for c in engine.chunks
         for size in [np.abs(c.strain)]
     )
+
+
+def held_only(engine: Engine) -> bool:
+    """Whether strain is held, and never comes back by much from the largest before."""
+    largest, back = 0.0, 0.0
+    for chunk in engine.chunks:
+        size = np.abs(chunk.strain)
+        carried = largest if engine.data.continued else 0.0
+        so_far = np.maximum(np.maximum.accumulate(size), carried)
+        back = max(back, float((so_far - size).max()) / float(max(so_far.max(), 1e-12)))
+        largest = float(so_far[-1])
+    return back < BACK and not only_loading(engine)
 
 
 def action(engine: Engine, found: Fit) -> Array:
