@@ -263,10 +263,9 @@ class Effect(ABC):
         """Whether it changes the strain that the model gets."""
         return type(self).before is not Effect.before
 
-    def prepare(self, parameters: Parameters, check: bool = True) -> dict[str, Array]:
+    def prepare(self, parameters: Parameters) -> dict[str, Array]:
         """Checked parameters as arrays (1,) or (sets,), as the hooks want them."""
-        if check:
-            check_parameters(self.parameters, parameters, self.id)
+        check_parameters(self.parameters, parameters, self.id)
         return {k: np.atleast_1d(np.asarray(v, float)) for k, v in parameters.items()}
 
     def defaults(self) -> dict[str, float]:

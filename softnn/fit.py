@@ -293,14 +293,15 @@ class Engine:
         x, segments = guess.stiffness, guess.units.segments
         before = any(t.effect.acts_before for t in terms)
         after = any(type(t.effect).after is not Effect.after for t in terms)
+        # A solver within bounds asks far too often to be checked each time.
+        every = [t.each(len(self.chunks)) for t in terms]
         stress, slope = [], []
         memory: Memory = {}
         state = None
         for r, chunk in enumerate(self.chunks):
             if not self.data.continued:
                 memory, state = {}, None
-            # A solver within bounds asks far too often to be checked each time.
-            values = [t.at(r, check=False) for t in terms]
+            values = [own[r] for own in every]
             signal = reach(terms, values, chunk, memory)
             inner = chunk
             if before:

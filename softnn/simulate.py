@@ -27,7 +27,17 @@ class Term:
     effect: Effect
     values: dict[str, Any] = field(default_factory=dict)
 
-    def at(self, recording: int, check: bool = True) -> dict[str, Array]:
+    def each(self, recordings: int) -> list[dict[str, Array]]:
+        """Values of all recordings as the hooks want them, not checked."""
+        ready = {k: np.atleast_1d(np.asarray(v, float)) for k, v in self.values.items()}
+        own = [k for k in self.effect.per_recording if np.ndim(self.values[k])]
+        if not own:
+            return [ready] * recordings
+        return [
+            ready | {k: ready[k][r : r + 1] for k in own} for r in range(recordings)
+        ]
+
+    def at(self, recording: int) -> dict[str, Array]:
         """Values of one recording, checked and ready for the hooks."""
         own = {
             k: np.asarray(v)[recording]
@@ -35,7 +45,7 @@ class Term:
             else v
             for k, v in self.values.items()
         }
-        return self.effect.prepare(own, check)
+        return self.effect.prepare(own)
 
 
 Memory = dict[tuple[int, str], Any]

@@ -15,6 +15,7 @@ from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, fit
 from softnn.mismatch import diagnose, read_case
 from softnn.mismatch.case import mask_gaps, thin, to_data
+from softnn.mismatch.contest import candidates
 from softnn.mismatch.diagnosis import _probability
 from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
 from softnn.mismatch.model_file import from_dict, read_model, to_dict
@@ -523,6 +524,35 @@ def test_a_wait_before_the_pull_is_no_hold(levels, only):
     assert only_loading(Engine(data)) == only
 
 
+@pytest.mark.parametrize(
+    ("levels", "shown"),
+    [
+        ([0, 0.4, 0.4, 0.8, 0.8], False),  # held twice, never let back
+        ([0, 0.8, 0.8, 0.79], False),
+        ([0, 0.4, 0.4, 0.8, 0.8, 0.4], True),
+        ([0, 0.8], True),  # first loading alone has a verdict of its own
+    ],
+)
+@pytest.mark.parametrize("split", [False, True])
+def test_what_shows_on_the_way_back_is_not_asked_for_before(levels, shown, split):
+    chunk = straight(levels, 0.02, 0.1)
+    chunks = [chunk]
+    if split and len(levels) > 4:  # the same history, recorded in two parts
+        half = len(chunk.time_s) // 2
+        chunks = [
+            Chunk(chunk.time_s[part], chunk.strain[part])
+            for part in (slice(half), slice(half, None))
+        ]
+    names = tuple("ab"[: len(chunks)])
+    strains = tuple(c.strain for c in chunks)
+    engine = Engine(Data(names, tuple(chunks), strains, continued=split))
+    asked = {e.id for e in candidates(engine, "pl-wiechert", False)}
+    back = {"mullins_softening", "permanent_set", "cyclic_softening"}
+    back |= {"friction_hysteresis"}
+    assert (back <= asked) if shown else not (back & asked)
+    assert {"finite_strain", "nonlinear_viscosity", "slack"} <= asked
+
+
 def account(**other):
     """An explanation as the verdict sees it: a mismatch of ten times the noise."""
     values = {"left": 0.01, "excess_before": 10.0, "excess_after": 0.1, "line": 0.0}
@@ -537,6 +567,7 @@ def account(**other):
     [
         ({}, True),
         ({"left": 0.05}, False),
+        ({"left": 0.3, "excess_after": 0.001}, False),  # no more than noise, but much
         ({"excess_bent": 0.5}, False),  # no form of the effect takes it up
         ({"line": 6.0}, False),  # something that comes back regularly is left
         ({"selected": ["slack", "gain_error"]}, True),

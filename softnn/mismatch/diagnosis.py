@@ -39,6 +39,7 @@ VERSION = 1
 SEARCH = 1000  # samples a recording while searching
 REPORT = 6000  # samples a recording for regions, figures and errors
 EXPLAINED, PARTLY = 0.03, 0.5  # share of the excess left, at most
+MUCH = 0.2  # of the excess left: what explains four fifths may be only near the truth
 ANY_FORM = 0.02  # and the share left by the effects in any form
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
 DOUBT = 0.25  # excess that may still be the noise, taken for too little
@@ -431,7 +432,7 @@ def _probability(found: Explanation, rivals: Sequence[Rival], piece: Piece) -> f
     pieces = [p for p in found.final.guess.pieces if not p.nuisance]
     spongy = any(sponge(found.base.engine, p) for p in pieces)
     many = len(found.selected) > (1 if found.excess_before < FAINT else 2)
-    doubtful = found.left > PARTLY or many
+    doubtful = found.left > MUCH or many
     trust = 0.4 if doubtful or spongy or not clear(found) else 1
     # An effect that came in by exchange had its rivals all tried against it.
     chance = 1.0 if own is None or rivals[0].effect != name else float(weight[own])

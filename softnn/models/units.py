@@ -11,6 +11,7 @@ over a history computed once and used for many strains.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -70,11 +71,16 @@ relaxation_times=(1.0, 2.0, 4.0))
         """Strain taken by each segment, (n, segments); they add up to the strain."""
         if self.segments == 1:
             return np.array(strain)[:, None]
-        low = np.array(self.knots[:-1])
-        high = np.array(self.knots[1:])
+        low, high, start = self._ends
+        return np.minimum(np.maximum(strain[:, None], low), high) - start
+
+    @cached_property
+    def _ends(self) -> tuple[Array, Array, Array]:
+        """Ends of the segments, and of each the strain at which it takes none."""
+        low, high = np.array(self.knots[:-1]), np.array(self.knots[1:])
         start = np.where(low >= 0, low, high)  # the end nearer to zero strain
         low[0], high[-1] = -np.inf, np.inf
-        return np.clip(strain[:, None], low, high) - np.clip(start, low, high)
+        return low, high, np.clip(start, low, high)
 
     def decays(self, time_s: Array, before_s: float | None) -> tuple[Array, Array]:
         """Decay and gain (n, branches) of each step, the first since `before_s`."""
