@@ -355,15 +355,17 @@ def test_an_effect_beside_another_is_what_fits_best_of_its_twins():
     assert set(names(kept)) == {"mullins_softening", "finite_strain"}
 
 
-@pytest.mark.parametrize("own", [(0,), (0, 1, 2)])
+@pytest.mark.parametrize(
+    ("own", "scatter", "more"),
+    [((0,), False, False), ((0, 1, 2), False, True), ((0, 1, 2), True, False)],
+)
 def test_other_first_effects_are_tried_where_one_has_values_everywhere(
-    monkeypatch, own
+    monkeypatch, own, scatter, more
 ):
     engine, both = two("permanent_set", {"ratio": 0.05})
     gain = effect("gain_error")
-    piece = Piece(
-        gain, {"error": np.full(3, 0.1)}, ("error",), tuple((i,) for i in own)
-    )
+    groups = tuple((i,) for i in own)
+    piece = Piece(gain, {"error": np.full(3, 0.1)}, ("error",), groups, scatter)
     current = fit(engine, Guess(BASE, np.ones(3), (piece,)))
     first = [
         contest.Rival("gain_error", current, 0.0),
@@ -376,4 +378,4 @@ def test_other_first_effects_are_tried_where_one_has_values_everywhere(
     )
     base = fit(engine, Guess(BASE, np.ones(3)))
     explain.beam(engine, base, current, first, [], [], np.random.default_rng(0))
-    assert tried == ([both] if len(own) == 3 else [])
+    assert tried == ([both] if more else [])

@@ -376,7 +376,8 @@ def sponge(engine: Engine, piece: Piece) -> bool:
     An error of mounting or zeroing is there in some recordings; what takes a little of
     all of them makes up for the form of another effect.
     """
-    return piece.effect.some and len(piece.groups) > 0.6 * len(engine.chunks)
+    few = piece.effect.some and not piece.nuisance
+    return few and len(piece.groups) > 0.6 * len(engine.chunks)
 
 
 def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
@@ -499,8 +500,8 @@ def twins(
         rest = without(engine, best, name)
         screen, least = Screen(engine, rest), PROMISE * (rest.chi2 - best.chi2)
         tried = [Rival(name, best, 0.0)]
-        # A law that contains this one fits no worse, and says no more.
         for other in pool:
+            # A law that contains this one fits no worse, and says no more.
             if other.id not in others or name in other.contains:
                 continue
             clock = time.perf_counter()
