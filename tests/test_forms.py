@@ -1,5 +1,7 @@
 """Forms of effects: what a distortion of the first takes up is no second effect."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -379,3 +381,16 @@ def test_other_first_effects_are_tried_where_one_has_values_everywhere(
     base = fit(engine, Guess(BASE, np.ones(3)))
     explain.beam(engine, base, current, first, [], [], np.random.default_rng(0))
     assert tried == ([both] if more else [])
+
+
+@pytest.mark.parametrize(("values", "sure"), [(10, True), (20, False)])
+def test_values_of_recordings_must_pay_for_themselves(monkeypatch, values, sure):
+    # 200 gained, of which 80 are what nobody wrote down; ln(1000) = 6.9 a value.
+    before = SimpleNamespace(chi2=1200.0, parameters=3, residual=np.zeros(1000))
+    after = SimpleNamespace(chi2=1000.0, parameters=3 + values, residual=np.zeros(1000))
+    monkeypatch.setattr(explain, "finer", lambda engine, found: found)
+    unseen = {id(before): 80.0, id(after): 0.0}
+    monkeypatch.setattr(
+        explain, "remembered", lambda engine, found: found.chi2 - unseen[id(found)]
+    )
+    assert explain.enough(None, before, after, 20.0) == sure
