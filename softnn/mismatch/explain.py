@@ -50,7 +50,7 @@ SURE = 1.7  # times the threshold of noise, which the first effect must gain
 LARGE = ((0.5, 0.02), (0.25, 0.15))
 THIRD = (0.5, 0.05)
 SMALL = {False: (0.6, 0.003), True: (0.8, 0.006)}
-COMPLETE = 0.25  # of the excess, at most, that one which completes the account leaves
+COMPLETE = 0.1  # of the excess, at most, that one which completes the account leaves
 SOME = 0.3  # excess that one effect in any form leaves, if there may be two others
 MISSING = 0.1  # excess that earlier effects must leave for there to be one
 LITTLE = 0.3  # of what earlier effects gained, which anything scattered can take
@@ -331,12 +331,16 @@ def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -
     left = max(without_form(engine, before, earlier), before.chi2 - DISTORTED * first)
     gain = left - without_form(engine, after, earlier)
     # Where the laws as they stand come down to the noise, no other form is needed.
-    if len(earlier) < 2 and before.chi2 > (1 + MISSING) * n:
-        complete = after.chi2 - n < COMPLETE * (before.chi2 - n)
-        if complete:
-            gain = before.chi2 - after.chi2
-    else:
-        complete = False
+    # (Another form of the first would be that other form.)
+    kept = {p.effect.form for p in before.guess.pieces}
+    complete = (
+        len(earlier) < 2
+        and kept <= {p.effect.form for p in after.guess.pieces}
+        and before.chi2 > (1 + MISSING) * n
+        and after.chi2 - n < COMPLETE * (before.chi2 - n)
+    )
+    if complete:
+        gain = before.chi2 - after.chi2
     price = (len(after.slots) - len(before.slots)) * np.log(n)
     if gain < max(CLEAR * threshold, price):
         return False
