@@ -21,20 +21,18 @@ import ast
 import hashlib
 import json
 import os
-import signal
 import sqlite3
 import sys
 import tempfile
-import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
 import softnn
 from softnn.contracts import InputError
+from softnn.workers import workers
 from studies.common import RUNS, guarded, parser
 from studies.concealed import orders, scoring, sealing
 from studies.concealed.noises import LEVELS
@@ -158,29 +156,10 @@ def outcomes(
         for order in wanted:
             yield order.name, outcome(order)
         return
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    # Spawned, not forked: the parent may hold threads of BLAS or torch.
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=attached)
-    try:
+    with workers(jobs) as pool:
         futures = {pool.submit(outcome, order): order.name for order in wanted}
         for future in as_completed(futures):
             yield futures[future], future.result()
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def attached() -> None:
-    """A worker leaves ctrl-C to its parent, and ends when that is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 # --- what is kept ---------------------------------------------------------------------

@@ -8,8 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from softnn.contracts import Chunk, InputError
 from softnn.models.units import BASES
+from softnn.workers import workers
 
 
 def add_diagnose(commands: Any) -> None:
@@ -77,10 +77,10 @@ def diagnose(arguments: argparse.Namespace) -> int:
         (str(f), str(out / n), arguments.model, arguments.seed)
         for f, n in zip(folders, names, strict=True)
     ]
-    workers = min(arguments.jobs, len(jobs))
+    most = min(arguments.jobs, len(jobs))
     failed = 0
     bar = tqdm(total=len(jobs), unit="case", disable=len(jobs) < 2, file=sys.stderr)
-    for i, (line, good) in _each(jobs, workers):
+    for i, (line, good) in _each(jobs, most):
         bar.update()
         with bar.external_write_mode(file=sys.stdout):
             if good:
@@ -97,17 +97,13 @@ def diagnose(arguments: argparse.Namespace) -> int:
     return 2 if failed else 0
 
 
-def _each(jobs: Sequence[tuple], workers: int) -> Any:
+def _each(jobs: Sequence[tuple], most: int) -> Any:
     """Results as they come, with the place of the job."""
-    if workers == 1:
+    if most == 1:
         for i, job in enumerate(jobs):
             yield i, diagnose_one(*job)
         return
-    # Spawned, not forked: the parent may hold threads of BLAS or torch.
-    context = get_context("spawn")
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with workers(most) as pool:
         futures = {pool.submit(diagnose_one, *job): i for i, job in enumerate(jobs)}
         for future in as_completed(futures):
             yield futures[future], future.result()

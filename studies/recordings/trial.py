@@ -11,7 +11,7 @@ import argparse
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from softnn.mismatch.case import to_data
 from softnn.models.units import BASES
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
+from softnn.workers import workers
 from studies.common import RUNS, fingerprint, guarded, parser
 from studies.recordings.faults import FAULTS, faulty
 from studies.recordings.groups import (
@@ -162,16 +163,12 @@ def carried_out(tasks: Sequence[Task], jobs: int, store: Store) -> list[Row]:
     keys = [key_of(t) for t in tasks]
     open_ = [(t, k) for t, k in zip(tasks, keys, strict=True) if k not in store.rows]
     print(f"{len(tasks)} diagnoses, {len(tasks) - len(open_)} of them at hand")
-    pool = ProcessPoolExecutor(jobs) if jobs > 1 else None
-    try:
+    with workers(jobs) if jobs > 1 else nullcontext() as pool:
         todo = [t for t, _ in open_]
         done = pool.map(work, todo) if pool else map(work, todo)
         for i, ((_, key), row) in enumerate(zip(open_, done, strict=True), start=1):
             store.put(key, row)
             print(f"[{i}/{len(open_)}] {row.line()}", flush=True)
-    finally:
-        if pool:
-            pool.shutdown(cancel_futures=True)
     return [store.rows[k] for k in keys]
 
 

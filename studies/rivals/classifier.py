@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,6 +17,7 @@ import numpy as np
 from softnn.contracts import Array
 from softnn.effects import EFFECTS
 from softnn.models.units import BASES
+from softnn.workers import workers
 from studies.common import fingerprint
 from studies.concealed import orders, sealing
 from studies.rivals.columns import STATE, WARM
@@ -109,7 +108,7 @@ def look(folders: Sequence[Path], jobs: int) -> list[Array]:
     about = {"total": len(folders), "unit": "lesson", "desc": "classifier"}
     if jobs == 1:
         return [_look(f) for f in tqdm(folders, **about)]
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with workers(jobs) as pool:
         return list(tqdm(pool.map(_look, folders), **about))
 
 

@@ -13,13 +13,13 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from datetime import UTC, datetime
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from softnn.contracts import InputError
+from softnn.workers import workers
 from studies.common import RUNS, guarded, parser, plain
 from studies.concealed import orders, scoring, sealing
 from studies.concealed.trial import diagnose, forge_into, write_record
@@ -190,9 +190,7 @@ def answer_all(
             answer_case(*job)
             bar.update()
     elif work:
-        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-            os.environ.setdefault(name, "1")
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        with workers(jobs) as pool:
             for done in as_completed([pool.submit(answer_case, *j) for j in work]):
                 done.result()
                 bar.update()
