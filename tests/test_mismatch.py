@@ -13,10 +13,10 @@ from softnn.cli import main
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, fit
-from softnn.mismatch import diagnose, read_case
+from softnn.mismatch import diagnose, read_case, verify
 from softnn.mismatch.case import mask_gaps, thin, to_data
 from softnn.mismatch.contest import candidates
-from softnn.mismatch.diagnosis import _probability
+from softnn.mismatch.diagnosis import _probability, worse
 from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
 from softnn.mismatch.model_file import from_dict, read_model, to_dict
 from softnn.mismatch.verify import heldout, ratio_interval
@@ -551,6 +551,17 @@ def test_what_shows_on_the_way_back_is_not_asked_for_before(levels, shown, split
     back |= {"friction_hysteresis"}
     assert (back <= asked) if shown else not (back & asked)
     assert {"finite_strain", "nonlinear_viscosity", "slack"} <= asked
+
+
+@pytest.mark.parametrize(
+    ("factors", "certain"),
+    [([0.9] * 5, False), ([1.3] * 5, True), ([0.5, 0.5, 0.5, 3, 1], False)],
+)
+def test_effects_that_foretell_worse_are_not_named(monkeypatch, factors, certain):
+    errors = {"base": np.ones(5), "found": np.array(factors)}
+    monkeypatch.setattr(verify, "heldout", lambda engine, name: (errors[name], None))
+    base = SimpleNamespace(engine=None, fit="base")
+    assert worse(base, SimpleNamespace(final="found")) == certain
 
 
 def account(**other):

@@ -104,6 +104,8 @@ def _diagnose(
     found.line = regular(found)
     full = _at_full(thin(masked, REPORT), base, found)
     verdict, names = _verdict(base, found)
+    if names and worse(base, found):
+        verdict, names = "unexplained", []
     learned = None
     if verdict in ("nothing_missing", "unexplained"):
         learned = _structure(base, found, rng, verdict)
@@ -201,6 +203,14 @@ def told(engine: Engine, found: Explanation, verdict: str) -> bool:
         return True
     laws = (p.effect for p in found.final.guess.pieces if not p.nuisance)
     return verdict == "explained" and all(law.stage != "material" for law in laws)
+
+
+def worse(base: Baseline, found: Explanation) -> bool:
+    """Whether recordings left out are foretold worse with the effects, for certain."""
+    before, _ = verify.heldout(base.engine, base.fit)
+    after, _ = verify.heldout(base.engine, found.final)
+    _, low, _ = verify.ratio_interval(before, after, np.random.default_rng(0))
+    return low > 1
 
 
 def clear(found: Explanation) -> bool:
