@@ -28,24 +28,23 @@ class Term:
     values: dict[str, Any] = field(default_factory=dict)
 
     def each(self, recordings: int) -> list[dict[str, Array]]:
-        """Values of all recordings as the hooks want them, not checked."""
+        """Values of each recording as the hooks want them, not checked.
+
+        One that is not `per_recording`, or is one number, is the same in all.
+        """
         ready = {k: np.atleast_1d(np.asarray(v, float)) for k, v in self.values.items()}
         own = [k for k in self.effect.per_recording if np.ndim(self.values[k])]
+        for k in own:
+            if len(ready[k]) < recordings:
+                raise InputError(
+                    f"{len(ready[k])} values of {k} for {recordings} recordings; "
+                    "give one for each"
+                )
         if not own:
             return [ready] * recordings
         return [
             ready | {k: ready[k][r : r + 1] for k in own} for r in range(recordings)
         ]
-
-    def at(self, recording: int) -> dict[str, Array]:
-        """Values of one recording, checked and ready for the hooks."""
-        own = {
-            k: np.asarray(v)[recording]
-            if k in self.effect.per_recording and np.ndim(v)
-            else v
-            for k, v in self.values.items()
-        }
-        return self.effect.prepare(own)
 
 
 Memory = dict[tuple[int, str], Any]
@@ -125,13 +124,17 @@ def simulate(
         raise InputError(
             f"{k.shape} stiffnesses; base {units.name} has {units.columns}"
         )
+    every = []
+    for term in terms:
+        term.effect.prepare(term.values)  # refuses what is not allowed
+        every.append(term.each(len(chunks)))
     out: list[Array] = []
     memory: Memory = {}
     state = None
     for r, chunk in enumerate(run_on(chunks, continued)):
         if not continued:
             memory, state = {}, None
-        values = [term.at(r) for term in terms]
+        values = [own[r] for own in every]
         signal = reach(terms, values, chunk, memory)
         inner = Chunk(
             chunk.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from softnn.contracts import Chunk
+from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
@@ -84,3 +84,25 @@ def test_buckling_without_a_set_is_nothing():
     values = SET | {"ratio": 0.0, "buckling": 1.0}
     out = simulate(SPRING, [2.0], [Term(law, values)], [chunk])[0]
     np.testing.assert_array_equal(out, 2.0 * chunk.strain)
+
+
+def test_a_mass_on_a_mount_is_late_by_its_time_and_smaller_as_theory_says():
+    # First-order lag of the force of a sine: the specimen's own stress is not lagged.
+    law = next(f for f in effect("inertia").second_forms if f.form == "CompliantMount")
+    omega, tau, mass = 3.0, 0.2, 0.4
+    time = np.arange(0, 40, 0.002)
+    chunk = Chunk(time, 0.1 * (1 - np.cos(omega * time)))
+    values = {"mass": mass, "mount_s": tau}
+    stress = simulate(SPRING, [2.0], [Term(law, values)], [chunk])[0]
+    force = 0.1 * mass * omega**2 / np.hypot(1, omega * tau)
+    late = np.arctan(omega * tau)
+    expected = 2.0 * chunk.strain + force * np.cos(omega * time - late)
+    settled = slice(len(time) // 2, -1)
+    np.testing.assert_allclose(stress[settled], expected[settled], atol=2e-3 * force)
+
+
+def test_a_value_for_each_recording_is_asked_for():
+    two = [Chunk(np.arange(3.0), np.arange(3.0) / 10)] * 2
+    term = Term(effect("zero_offset"), {"offset_MPa": np.array([0.1])})
+    with pytest.raises(InputError, match="1 values of offset_MPa for 2 recordings"):
+        simulate(SPRING, [1.0], [term], two)

@@ -1,5 +1,6 @@
 """Forms of effects: what a distortion of the first takes up is no second effect."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -237,8 +238,6 @@ def test_what_nobody_wrote_down_is_not_left():
 
 
 def replace_stiffness(found, stiffness):
-    from dataclasses import replace
-
     return replace(found, guess=replace(found.guess, stiffness=stiffness))
 
 
@@ -394,3 +393,65 @@ def test_values_of_recordings_must_pay_for_themselves(monkeypatch, values, sure)
         explain, "remembered", lambda engine, found: found.chi2 - unseen[id(found)]
     )
     assert explain.enough(None, before, after, 20.0) == sure
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_another_form_of_the_first_effect_completes_nothing(monkeypatch, same):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    one = explain.without(engine, both, "permanent_set")
+    monkeypatch.setattr(explain, "without_form", lambda *a: float(len(engine.target)))
+    if not same:  # as if the first had been fitted in its other form
+        other = effect("mullins_softening").second_forms[0]
+        pieces = tuple(replace(p, effect=other) for p in one.guess.pieces)
+        one = replace(one, guess=replace(one.guess, pieces=pieces))
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    assert adds(engine, base, one, both, 20.0) == same
+
+
+@pytest.mark.parametrize(("share", "taken"), [(3.0, False), (5.0, True)])
+def test_where_noise_is_left_a_small_effect_must_be_plain(monkeypatch, share, taken):
+    # Beside a first that gained 50 times the noise, of 1.5 %: too little to be large.
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    one = explain.without(engine, both, "permanent_set")
+    n, threshold = len(engine.target), 20.0
+    gain = share * threshold
+    one = replace(one, chi2=0.99 * n)
+    after = replace(both, chi2=0.99 * n - gain)
+    base = replace(one, chi2=one.chi2 + 80 * gain)
+    by = {id(one): 0.99 * n, id(after): 0.99 * n - gain}
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, which: by[id(fit)])
+    assert adds(engine, base, one, after, threshold) == taken
+
+
+def test_a_twin_that_needs_other_forms_more_is_not_taken(monkeypatch):
+    law = effect("strain_dependent_relaxation")
+    engine, true = two(law.id, {"growth": -0.8, "curvature": 0.0})
+    held = explain.without(engine, true, law.id)
+    finite = effect("finite_strain")
+    wrong = explain.at_best(engine, explain.Screen(engine, held), finite)
+    pool = [law, finite]
+    bends = {"finite_strain": 0.0, law.id: 1.0}
+    monkeypatch.setattr(
+        explain, "bent", lambda e, fit: max(bends.get(n, 0.0) for n in names(fit))
+    )
+    best, beside = explain.twins(engine, wrong, pool, set())
+    assert set(names(best)) == {"mullins_softening", "finite_strain"}
+    # What lost is kept all the same: the probability counts it.
+    assert {r.effect for r in beside["finite_strain"]} == set(bends)
+
+
+def test_a_branch_is_not_exchanged_for_a_law_that_contains_it():
+    branch, flow = effect("relaxation_branch"), effect("nonlinear_viscosity")
+    assert branch.id in flow.contains
+    values = branch.defaults() | dict(branch.starts(recorded_scales())[0])
+    engine, both = two(branch.id, values)
+    _, beside = explain.twins(engine, both, [branch, flow], set())
+    assert [r.effect for r in beside[branch.id]] == [branch.id]
+
+
+@pytest.mark.parametrize(("taken_up", "done"), [(0.1, True), (0.5, False)])
+def test_little_is_left_only_if_forms_leave_little(monkeypatch, taken_up, done):
+    base = SimpleNamespace(chi2=10_100.0, residual=np.zeros(100))
+    found = SimpleNamespace(chi2=200.0, residual=np.zeros(100))
+    monkeypatch.setattr(explain, "bent", lambda e, fit: 100 * (1 + taken_up))
+    assert explain.mostly(None, base, found) == done

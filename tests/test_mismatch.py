@@ -13,7 +13,7 @@ from softnn.cli import main
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, fit
-from softnn.mismatch import diagnose, read_case, verify
+from softnn.mismatch import diagnose, diagnosis, read_case, verify
 from softnn.mismatch.case import mask_gaps, thin, to_data
 from softnn.mismatch.contest import candidates
 from softnn.mismatch.diagnosis import _probability, worse
@@ -562,6 +562,13 @@ def test_effects_that_foretell_worse_are_not_named(monkeypatch, factors, certain
     monkeypatch.setattr(verify, "heldout", lambda engine, name: (errors[name], None))
     base = SimpleNamespace(engine=None, fit="base")
     assert worse(base, SimpleNamespace(final="found")) == certain
+
+
+def test_a_verdict_without_names_where_more_is_foretold_worse(tmp_path, monkeypatch):
+    case = read_case(write_case(tmp_path / "a", [mullins()]))
+    monkeypatch.setattr(diagnosis, "worse", lambda base, found: True)
+    result = diagnose(case).result
+    assert (result["verdict"], result["selected"]) == ("unexplained", [])
 
 
 def account(**other):

@@ -78,8 +78,7 @@ class CompliantMount(Inertia):
     .. math:: \tau \dot f + f = m\,\ddot\varepsilon, \quad \sigma \to \sigma + f
 
     The force of a turn arrives a little late and rounded; that of the specimen does
-    not. Without it a lag is named beside the mass. Kumme 1998, *Investigation of the
-    comparison method for the dynamic calibration of force transducers*, Measurement 23.
+    not. Without it a lag is named beside the mass.
     """
 
     parameters = Inertia.parameters + (
