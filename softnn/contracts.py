@@ -211,6 +211,8 @@ class Effect(ABC):
     shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
     needs_temperature: bool = False
     on_return: bool = False  # whether only strain that comes back can show it
+    # What other forms of it may depend on, besides its parameters: see `forms`.
+    bends: tuple[str, ...] = ("strain", "largest", "size", "lag")
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of what looks the same -> what tells them apart
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here

@@ -28,6 +28,7 @@ class Inertia(Effect):
         Parameter("mass", "MPa s2", -10.0, 1e3, 1e-3, meaning="mass x length / area"),
     )
     off = {"mass": 0.0}
+    bends = ("lag",)
     amplitude = "mass"
     where = "at reversals and at high frequency"
     exempt = {

@@ -121,7 +121,7 @@ def rivals(
             )
             for inside in (False, True) if rank < 3 else (False,):
                 better = release(engine, rival.fit, index, inside)
-                if better.chi2 < rival.fit.chi2:
+                if score(better) < score(rival.fit):
                     rival.fit = better
             rival.seconds += time.perf_counter() - clock
         if rival.effect not in out or score(rival.fit) < score(out[rival.effect].fit):
@@ -244,7 +244,7 @@ def at_best(
     if index is None:
         return None
     better = release(engine, best, index, False)
-    return better if better.chi2 < best.chi2 else best
+    return min(better, best, key=score)
 
 
 def strangers(engine: Engine, base: Fit) -> list[Rival]:

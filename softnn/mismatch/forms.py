@@ -27,6 +27,7 @@ SETTLED = 0.01  # of the misfit, below which a sweep is the last
 ROUNDS = 4  # at most, of simulating the pauses found
 CHANGED = 0.05  # of misfit, a sample, from which they are simulated
 LAGS = (3.0, 30.0)  # of the sampling interval, by which a distortion may trail
+FILTER = (1.0, 3.0, 10.0, 30.0)  # the same where a filter is all that it can be
 
 
 def distortions(engine: Engine, found: Fit, which: set[str] | None = None) -> Array:
@@ -38,6 +39,9 @@ def distortions(engine: Engine, found: Fit, which: set[str] | None = None) -> Ar
     strain, largest = _state(engine)
     interval = engine.data.scales().interval_s
     time = np.concatenate([c.time_s for c in engine.chunks])[engine.valid]
+    longest = float(engine.data.scales().duration_s.max())
+    clock = np.concatenate([c.time_s - c.time_s[0] for c in engine.chunks])
+    clock = clock[engine.valid] / longest
     for i, piece in enumerate(found.guess.pieces):
         if piece.nuisance or (which is not None and piece.effect.id not in which):
             continue
@@ -47,11 +51,19 @@ def distortions(engine: Engine, found: Fit, which: set[str] | None = None) -> Ar
         top = float(np.abs(d).max())
         if top < 1e-12 * engine.level:
             continue
-        share = np.abs(d) / top
-        bent = [d * strain, d * strain**2, d * largest, d * share, d * share**2]
-        bent += [d * strain * largest]
-        bent += [_trailing(d, time, engine.owner, lag * interval) for lag in LAGS]
-        columns.append(np.stack(bent, axis=1))
+        by = piece.effect.bends
+        by_what = {
+            "strain": [strain, strain**2],
+            "largest": [largest, strain * largest],
+            "size": [np.abs(d) / top, (d / top) ** 2],
+            "time": [clock, clock**2],
+        }
+        bent = [d * x for kind in by for x in by_what.get(kind, ())]
+        if "lag" in by:
+            lags = FILTER if by == ("lag",) else LAGS
+            bent += [_trailing(d, time, engine.owner, x * interval) for x in lags]
+        if bent:
+            columns.append(np.stack(bent, axis=1))
     return np.concatenate(columns, axis=1)
 
 
