@@ -2,6 +2,7 @@ r"""Softer on reloading below the largest strain so far: the Mullins effect."""
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ from scipy.special import erf
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
+
+EARLY = 0.2  # of the largest strain: what is all done before is a joint that comes off
 
 
 class MullinsSoftening(Effect):
@@ -100,6 +103,16 @@ class SimoDamage(MullinsSoftening):
 
     parameters = MullinsSoftening.parameters[:4]
     shape = MullinsSoftening.shape[:2]
+
+    def within(self, scales):
+        law = copy(self)
+        law.parameters = tuple(
+            replace(q, low=float(np.clip(EARLY * scales.strain, q.low, q.high / 10)))
+            if q.name == "scale"
+            else q
+            for q in self.parameters
+        )
+        return law
 
     def factor(self, p, strain, largest):
         power = np.minimum(1 / p["sharpness"], 20)

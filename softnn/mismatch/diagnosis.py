@@ -442,11 +442,23 @@ def _probability(found: Explanation, rivals: Sequence[Rival], piece: Piece) -> f
     pieces = [p for p in found.final.guess.pieces if not p.nuisance]
     spongy = any(sponge(found.base.engine, p) for p in pieces)
     many = len(found.selected) > (1 if found.excess_before < FAINT else 2)
-    doubtful = found.left > MUCH or many
+    doubtful = found.left > MUCH or many or any(map(strained, pieces))
     trust = 0.4 if doubtful or spongy or not clear(found) else 1
     # An effect that came in by exchange had its rivals all tried against it.
     chance = 1.0 if own is None or rivals[0].effect != name else float(weight[own])
     return round(chance * trust / (1 + found.odds_of_strangers), 4)
+
+
+def strained(piece: Piece) -> bool:
+    """Whether a law had to go to the end of what it could be in such recordings."""
+    law = piece.effect
+    for narrowed, own in zip(law.parameters, type(law).parameters, strict=True):
+        value = piece.values[narrowed.name]
+        low = narrowed.low > own.low and np.min(value) < 1.01 * narrowed.low
+        high = narrowed.high < own.high and np.max(value) > 0.99 * narrowed.high
+        if low or high:
+            return True
+    return False
 
 
 def _candidates(base: Baseline, found: Explanation) -> list[dict[str, Any]]:

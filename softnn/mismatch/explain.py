@@ -498,7 +498,8 @@ def twins(
     best = found
     beside: dict[str, list[Rival]] = {}
     for name in names(found) if len(names(found)) > 1 else []:
-        others = set(effect(name).twins) - set(names(best)) - sure
+        others = set(effect(name).twins) | {e.id for e in pool if name in e.twins}
+        others -= set(names(best)) | sure
         if name in sure or not others:
             continue
         rest = without(engine, best, name)
