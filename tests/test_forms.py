@@ -8,7 +8,7 @@ import pytest
 
 from softnn import noise
 from softnn.contracts import Chunk
-from softnn.effects import effect
+from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, span
 from softnn.mismatch import contest, explain, forms
 from softnn.mismatch.contest import names, rivals, turn
@@ -455,3 +455,61 @@ def test_little_is_left_only_if_forms_leave_little(monkeypatch, taken_up, done):
     found = SimpleNamespace(chi2=200.0, residual=np.zeros(100))
     monkeypatch.setattr(explain, "bent", lambda e, fit: 100 * (1 + taken_up))
     assert explain.mostly(None, base, found) == done
+
+
+@pytest.mark.parametrize(
+    ("law", "values", "kinds"),
+    [
+        ("zero_offset", {"offset_MPa": np.full(3, 0.01)}, 0),
+        ("gain_error", {"error": np.full(3, 0.1)}, 2),
+        ("load_cell_drift", {"drift_MPa_per_s": 1e-3}, 4),
+        ("sensor_lag", {}, len(forms.FILTER)),
+        ("mullins_softening", {}, 6 + len(forms.LAGS)),
+    ],
+)
+def test_a_sensor_is_distorted_by_what_a_sensor_can_do(law, values, kinds):
+    one = effect(law)
+    values = one.defaults() | dict(one.starts(recorded_scales())[0]) | values
+    data = recorded(law, values)
+    engine = Engine(data, [np.full(600, 1e-3)] * 3, [0.0] * 3)
+    groups = tuple((r,) for r in range(3)) if one.per_recording else ()
+    piece = Piece(one, values, tuple(p.name for p in one.parameters), groups)
+    found = fit(engine, Guess(BASE, np.array([1.0, 0.3, 0.2]), (piece,)))
+    columns = forms.distortions(engine, found)
+    assert columns.shape[1] - len(found.slots) == kinds
+    # A lag is a filter: what the strain bends is no lag, and stays to be explained.
+    strain = np.concatenate([c.strain for c in engine.chunks])[:, None]
+    taken = span(engine.whiten(columns))
+    bent = engine.whiten(strain**3)
+    left = np.linalg.norm(bent - taken @ (taken.T @ bent)) / np.linalg.norm(bent)
+    assert left > (0.5 if one.stage == "sensor" and kinds != 2 else 0.05)
+
+
+def test_every_way_to_bend_an_effect_is_known():
+    ways = {"strain", "largest", "size", "time", "lag"}
+    laws = [f for law in EFFECTS for f in (law, *law.second_forms)]
+    assert all(set(law.bends) <= ways for law in laws)
+
+
+def test_a_shape_is_freed_only_if_it_pays():
+    law = effect("finite_strain")
+    made = law.defaults() | {"amount": 1.0, "section": 1.0}
+    data = recorded(law.id, made)
+    engine = Engine(data, [np.full(600, 1e-3)] * 3, [0.0] * 3)
+    base = fit(engine, Guess(BASE, np.array([1.0, 0.3, 0.2])))
+    found = contest.at_best(engine, contest.Screen(engine, base), law)
+    assert found.guess.pieces[0].free == ("amount",)
+    made["section"] = 2.5
+    engine = Engine(recorded(law.id, made), [np.full(600, 1e-3)] * 3, [0.0] * 3)
+    base = fit(engine, Guess(BASE, np.array([1.0, 0.3, 0.2])))
+    found = contest.at_best(engine, contest.Screen(engine, base), law)
+    assert found.guess.pieces[0].free == ("amount", "section")
+
+
+def test_twins_are_what_either_names_as_such():
+    law, spring = effect("strain_dependent_relaxation"), effect("nonlinear_elasticity")
+    assert spring.id not in law.twins
+    assert law.id in spring.twins
+    engine, both = two(law.id, {"growth": -0.8, "curvature": 0.0})
+    _, beside = explain.twins(engine, both, [law, spring], set())
+    assert {r.effect for r in beside[law.id]} == {law.id, spring.id}

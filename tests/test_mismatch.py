@@ -12,7 +12,7 @@ import softnn.mismatch
 from softnn.cli import main
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
-from softnn.fit import Data, Engine, Guess, fit
+from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import diagnose, diagnosis, read_case, verify
 from softnn.mismatch.case import mask_gaps, thin, to_data
 from softnn.mismatch.contest import candidates
@@ -569,6 +569,18 @@ def test_a_verdict_without_names_where_more_is_foretold_worse(tmp_path, monkeypa
     monkeypatch.setattr(diagnosis, "worse", lambda base, found: True)
     result = diagnose(case).result
     assert (result["verdict"], result["selected"]) == ("unexplained", [])
+
+
+@pytest.mark.parametrize(("scale", "doubtful"), [(0.12, True), (0.3, False)])
+def test_a_law_at_the_end_of_what_it_could_be_is_doubtful(scale, doubtful):
+    # Softening all done before a fifth of the largest strain, 0.6, is a joint.
+    time = np.arange(5.0)
+    scales = Data(("a",), (Chunk(time, time * 0.15),), (time,)).scales()
+    law = effect("mullins_softening").second_forms[0].within(scales)
+    piece = Piece(law, law.defaults() | {"scale": scale}, ("depth", "scale"))
+    assert diagnosis.strained(piece) == doubtful
+    wide = effect("mullins_softening")
+    assert not diagnosis.strained(Piece(wide, wide.defaults() | {"scale": 1e-3}, ()))
 
 
 def account(**other):
