@@ -51,15 +51,19 @@ LARGE = ((0.5, 0.02), (0.25, 0.15))
 THIRD = (0.5, 0.05)
 SMALL = {False: (0.6, 0.003), True: (0.8, 0.006)}
 COMPLETE = 0.1  # of the excess, at most, that one which completes the account leaves
+NOISE = 0.05  # excess, up to which an account may be complete
+TOLD = (12.0, 0.015)  # thresholds, and share of the first, that a law in all must gain
 SOME = 0.3  # excess that one effect in any form leaves, if there may be two others
 MISSING = 0.1  # excess that earlier effects must leave for there to be one
 LITTLE = 0.3  # of what earlier effects gained, which anything scattered can take
 PLAIN = 0.5  # of the size that SMALL asks, beside effects of the measuring chain alone
-SCATTERED = 12.0  # times the threshold, for one of single recordings that is small
+SCATTERED = 9.0  # times the threshold, for one of single recordings that is small
 PROMISE = 0.3  # of what an effect gains, from which its twins are fitted beside it
 TELLING = 4.0  # of score, by which what is mistaken for an effect must be better
+TIED = 0.97  # of the gain of the best first effect, from which another is as good
 SPONGY = 6  # first effects tried where the best has values in most recordings
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
+STAYS = 0.75  # of what it takes to come in, from which an effect stays
 DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
 STRANGER_LEAVES = 0.5  # at most, of the excess that the effects leave
 KNOWN_TO = 0.05  # or this excess, which coloured noise may be
@@ -312,11 +316,18 @@ def further(
     return simplest(engine, current, ranked), threshold
 
 
-def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -> bool:
+def adds(
+    engine: Engine,
+    base: Fit,
+    before: Fit,
+    after: Fit,
+    threshold: float,
+    ease: float = 1.0,
+) -> bool:
     """Whether a later effect explains what the earlier ones, in any form, could not.
 
     No formula is the true one, and what its form misses looks like a little of
-    something else.
+    something else. `ease`: of the shares asked for, what is enough.
     """
     n = len(before.residual)
     earlier = set(names(before))
@@ -333,16 +344,31 @@ def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -
     # Where the laws as they stand come down to the noise, no other form is needed.
     # (Another form of the first would be that other form.)
     kept = {p.effect.form for p in before.guess.pieces}
+    own = any(p.effect.per_recording for p in new)
+    plain = before.chi2 - after.chi2
     complete = (
         len(earlier) < 2
         and kept <= {p.effect.form for p in after.guess.pieces}
-        and before.chi2 > (1 + MISSING) * n
-        and after.chi2 - n < COMPLETE * (before.chi2 - n)
+        and (
+            (
+                before.chi2 > (1 + MISSING) * n
+                and after.chi2 - n < COMPLETE * (before.chi2 - n)
+            )
+            # A law for all recordings has little to fit the form of another with.
+            or (
+                not own
+                and after.chi2 < (1 + NOISE) * n
+                and plain > ease * max(TOLD[0] * threshold, TOLD[1] * first)
+            )
+        )
     )
     if complete:
-        gain = before.chi2 - after.chi2
+        gain = plain
+    # Two that fit better with fewer numbers than one need no other form of it.
+    if len(new) > 1 and after.parameters <= before.parameters:
+        return bool(plain > CLEAR * threshold)
     price = (len(after.slots) - len(before.slots)) * np.log(n)
-    if gain < max(CLEAR * threshold, price):
+    if gain < max(CLEAR * threshold, price) or score(after) > score(before):
         return False
     if gain < LITTLE * first and any(sponge(engine, p) for p in new):
         return False
@@ -350,12 +376,11 @@ def adds(engine: Engine, base: Fit, before: Fit, after: Fit, threshold: float) -
         return True
     if len(earlier) > 1 and left < n:
         return False
-    share = gain / max(left - n, KNOWN * n)
+    share, first = gain / max(left - n, KNOWN * n) / ease, first * ease
     large = any(
         share > much and gain > size * first
         for much, size in (LARGE if len(earlier) < 2 else [THIRD])
     )
-    own = any(p.effect.per_recording for p in new)
     if own and gain < min(SCATTERED * threshold, 0.15 * first):
         return False
     clean, small = SMALL[own]
@@ -425,10 +450,9 @@ def beam(
     top = score(base) - score(first[0].fit)
     if any(sponge(engine, p) for p in current.guess.pieces):
         others = first[1:SPONGY]
-    elif not mostly(engine, base, current):
-        others = [r for r in first[1:3] if score(base) - score(r.fit) >= 0.3 * top]
     else:
-        return found
+        near = TIED if mostly(engine, base, current) else 0.3
+        others = [r for r in first[1:3] if score(base) - score(r.fit) >= near * top]
     best = found
     price = np.log(len(base.residual))
     for rival in others:
@@ -481,7 +505,7 @@ def backward(
         if name in sure:
             continue
         rest = without(engine, found, name)
-        if not adds(engine, base, rest, found, threshold):
+        if not adds(engine, base, rest, found, threshold, STAYS):
             spared.append(rest)
     if not spared:
         return found
