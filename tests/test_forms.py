@@ -357,11 +357,16 @@ def test_an_effect_beside_another_is_what_fits_best_of_its_twins():
 
 
 @pytest.mark.parametrize(
-    ("own", "scatter", "more"),
-    [((0,), False, False), ((0, 1, 2), False, True), ((0, 1, 2), True, False)],
+    ("own", "scatter", "share", "more"),
+    [
+        ((0,), False, 0.9, False),
+        ((0, 1, 2), False, 0.9, True),
+        ((0, 1, 2), True, 0.9, False),
+        ((0,), False, 0.99, True),  # as good as the first
+    ],
 )
 def test_other_first_effects_are_tried_where_one_has_values_everywhere(
-    monkeypatch, own, scatter, more
+    monkeypatch, own, scatter, share, more
 ):
     engine, both = two("permanent_set", {"ratio": 0.05})
     gain = effect("gain_error")
@@ -372,12 +377,15 @@ def test_other_first_effects_are_tried_where_one_has_values_everywhere(
         contest.Rival("gain_error", current, 0.0),
         contest.Rival("mullins_softening", both, 0.0),
     ]
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    top = contest.score(base)
+    by = {id(base): top, id(current): top - 100, id(both): top - 100 * share}
+    monkeypatch.setattr(explain, "score", lambda fit: by[id(fit)])
     tried = []
     monkeypatch.setattr(explain, "mostly", lambda *a: True)
     monkeypatch.setattr(
         explain, "further", lambda e, fit, *a: (tried.append(fit) or [], 0.0)
     )
-    base = fit(engine, Guess(BASE, np.ones(3)))
     explain.beam(engine, base, current, first, [], [], np.random.default_rng(0))
     assert tried == ([both] if more else [])
 
@@ -513,3 +521,71 @@ def test_twins_are_what_either_names_as_such():
     engine, both = two(law.id, {"growth": -0.8, "curvature": 0.0})
     _, beside = explain.twins(engine, both, [law, spring], set())
     assert {r.effect for r in beside[law.id]} == {law.id, spring.id}
+
+
+def shifted(found, chi2):
+    return replace(found, chi2=chi2)
+
+
+def test_what_came_in_stays_on_less(monkeypatch):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    one = explain.without(engine, both, "permanent_set")
+    n = len(engine.target)
+    base = shifted(one, 11.0 * n)
+    one, after = shifted(one, 2.0 * n), shifted(both, 1.55 * n)
+    by = {id(one): 2.0 * n, id(after): 1.55 * n}  # a share of 0.45, one of 0.5 needed
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, which: by[id(fit)])
+    assert not adds(engine, base, one, after, 20.0)
+    assert adds(engine, base, one, after, 20.0, explain.STAYS)
+
+
+@pytest.mark.parametrize(("better", "taken"), [(20.0, False), (40.0, True)])
+def test_two_effects_with_fewer_numbers_than_one_are_taken(monkeypatch, better, taken):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    slip = effect("grip_slip")
+    values = slip.defaults() | dict(slip.starts(recorded_scales())[0])
+    values |= {k: np.full(3, values[k]) for k in slip.per_recording}
+    groups = ((0,), (1,), (2,))
+    free = tuple(p.name for p in slip.parameters)
+    piece = Piece(slip, values, free, groups)
+    one = fit(engine, Guess(BASE, np.ones(3), (piece,)), iterations=0)
+    law, held = both.guess.pieces, []
+    for p in law:  # as few numbers as the two could have
+        held.append(replace(p, free=p.free[:1]))
+    two_ = fit(engine, replace(both.guess, pieces=tuple(held)), iterations=0)
+    assert two_.parameters <= one.parameters
+    n = len(engine.target)
+    one, two_ = shifted(one, 1.05 * n), shifted(two_, 1.05 * n - better)
+    # In any form the slip would leave nothing, which is held against one law alone.
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, which: 0.9 * n)
+    assert adds(engine, shifted(one, 2.0 * n), one, two_, 20.0) == taken
+
+
+@pytest.mark.parametrize(
+    ("law", "left", "gain", "taken"),
+    [
+        ("permanent_set", 1.03, 0.2, True),
+        ("permanent_set", 1.03, 0.1, False),  # too little of what the first gained
+        ("permanent_set", 1.1, 0.2, False),  # something else is missing as well
+        ("zero_offset", 1.03, 0.2, False),  # a value of its own fits anything
+    ],
+)
+def test_a_law_in_all_recordings_completes_an_account(
+    monkeypatch, law, left, gain, taken
+):
+    values = {} if law == "permanent_set" else {"offset_MPa": np.full(3, 0.01)}
+    engine, both = two(law, values)
+    one = explain.without(engine, both, law)
+    n = len(engine.target)
+    one, after = shifted(one, (left + gain) * n), shifted(both, left * n)
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, which: 0.95 * n)
+    assert adds(engine, shifted(one, 12.0 * n), one, after, 20.0) == taken
+
+
+def test_a_later_effect_must_pay_for_itself(monkeypatch):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    one = explain.without(engine, both, "permanent_set")
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    assert adds(engine, base, one, both, 20.0)
+    monkeypatch.setattr(explain, "score", lambda fit: float(fit is both))
+    assert not adds(engine, base, one, both, 20.0)
