@@ -507,6 +507,8 @@ def test_a_shape_is_freed_only_if_it_pays():
     base = fit(engine, Guess(BASE, np.array([1.0, 0.3, 0.2])))
     found = contest.at_best(engine, contest.Screen(engine, base), law)
     assert found.guess.pieces[0].free == ("amount",)
+    best = rivals(engine, base, [law], np.random.default_rng(0))[0][0]
+    assert best.fit.guess.pieces[0].free == ("amount",)
     made["section"] = 2.5
     engine = Engine(recorded(law.id, made), [np.full(600, 1e-3)] * 3, [0.0] * 3)
     base = fit(engine, Guess(BASE, np.array([1.0, 0.3, 0.2])))
@@ -589,3 +591,12 @@ def test_a_later_effect_must_pay_for_itself(monkeypatch):
     assert adds(engine, base, one, both, 20.0)
     monkeypatch.setattr(explain, "score", lambda fit: float(fit is both))
     assert not adds(engine, base, one, both, 20.0)
+
+
+def test_to_stay_takes_less_than_to_come_in(monkeypatch):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    asked = []
+    monkeypatch.setattr(explain, "adds", lambda *a: asked.append(a[5:]) or True)
+    explain.backward(engine, both, both, 20.0, set())
+    assert asked == [(explain.STAYS,)] * 2
+    assert 0 < explain.STAYS < 1

@@ -583,6 +583,15 @@ def test_a_law_at_the_end_of_what_it_could_be_is_doubtful(scale, doubtful):
     assert not diagnosis.strained(Piece(wide, wide.defaults() | {"scale": 1e-3}, ()))
 
 
+@pytest.mark.parametrize("end", [True, False])
+def test_a_name_whose_law_is_at_its_end_is_not_confident(tmp_path, monkeypatch, end):
+    case = read_case(write_case(tmp_path / "a", [mullins()]))
+    monkeypatch.setattr(diagnosis, "strained", lambda piece: end)
+    found = diagnose(case).result["explanations"]
+    assert [e["effect"] for e in found] == ["mullins_softening"]
+    assert (found[0]["probability"] < 0.5) == end
+
+
 def account(**other):
     """An explanation as the verdict sees it: a mismatch of ten times the noise."""
     values = {"left": 0.01, "excess_before": 10.0, "excess_after": 0.1, "line": 0.0}
