@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -259,6 +260,21 @@ class Effect(ABC):
     def within(self, scales: Scales) -> Effect:
         """The same law, its ranges narrowed to what such recordings could show."""
         return self
+
+    def narrowed(self, name: str, low: float = -np.inf, high: float = np.inf) -> Effect:
+        """The same law with a narrower range, of a decade at least, of a log scale."""
+        law = copy(self)
+        law.parameters = tuple(
+            replace(
+                q,
+                low=float(np.clip(low, q.low, q.high / 10)),
+                high=float(np.clip(high, 10 * q.low, q.high)),
+            )
+            if q.name == name
+            else q
+            for q in self.parameters
+        )
+        return law
 
     @property
     def acts_before(self) -> bool:

@@ -7,15 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import softnn.mismatch
 from softnn.cli import main
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
-from softnn.mismatch import diagnose, diagnosis, read_case, verify
+from softnn.mismatch import diagnose, diagnosis, explain, read_case, verify
 from softnn.mismatch.case import mask_gaps, thin, to_data
-from softnn.mismatch.contest import candidates
+from softnn.mismatch.contest import Rival, candidates
 from softnn.mismatch.diagnosis import _probability, worse
 from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
 from softnn.mismatch.model_file import from_dict, read_model, to_dict
@@ -590,6 +591,31 @@ def test_a_name_whose_law_is_at_its_end_is_not_confident(tmp_path, monkeypatch, 
     found = diagnose(case).result["explanations"]
     assert [e["effect"] for e in found] == ["mullins_softening"]
     assert (found[0]["probability"] < 0.5) == end
+
+
+def test_rivals_beside_other_effects_count_in_the_probability(tmp_path, monkeypatch):
+    case = read_case(write_case(tmp_path / "a", [mullins()]))
+
+    def tied(engine, found, pool, sure):
+        names = ("mullins_softening", "permanent_set")
+        return found, {names[0]: [Rival(n, found, 0.0) for n in names]}
+
+    monkeypatch.setattr(explain, "twins", tied)
+    found = diagnose(case).result["explanations"]
+    assert found[0]["probability"] == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_diagnosis_keeps_to_one_blas_thread(tmp_path, monkeypatch):
+    case = read_case(write_case(tmp_path / "a", [mullins()]))
+
+    def threads(*_):
+        about = threadpool_info()
+        return {i["num_threads"] for i in about if i["user_api"] == "blas"}
+
+    monkeypatch.setattr(diagnosis, "_diagnose", threads)
+    with threadpool_limits(limits=2, user_api="blas"):
+        assert threads() == {2}
+        assert diagnose(case) == {1}
 
 
 def account(**other):

@@ -2,7 +2,6 @@ r"""Softer on reloading below the largest strain so far: the Mullins effect."""
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -105,14 +104,7 @@ class SimoDamage(MullinsSoftening):
     shape = MullinsSoftening.shape[:2]
 
     def within(self, scales):
-        law = copy(self)
-        law.parameters = tuple(
-            replace(q, low=float(np.clip(EARLY * scales.strain, q.low, q.high / 10)))
-            if q.name == "scale"
-            else q
-            for q in self.parameters
-        )
-        return law
+        return self.narrowed("scale", low=EARLY * scales.strain)
 
     def factor(self, p, strain, largest):
         power = np.minimum(1 / p["sharpness"], 20)

@@ -2,7 +2,6 @@ r"""A dashpot whose flow is not proportional to stress."""
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -54,15 +53,7 @@ class NonlinearViscosity(Effect):
         return (PowerLawViscosity(),)
 
     def within(self, scales):
-        law = copy(self)
-        most = LASTING * float(np.max(scales.duration_s))
-        law.parameters = tuple(
-            replace(q, high=float(np.clip(most, 10 * q.low, q.high)))
-            if q.name == "time_s"
-            else q
-            for q in self.parameters
-        )
-        return law
+        return self.narrowed("time_s", high=LASTING * float(np.max(scales.duration_s)))
 
     def exponent(self, p):
         return np.zeros(1)
