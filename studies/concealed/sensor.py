@@ -70,15 +70,15 @@ def sensor_lag(c: Context) -> Planted:
 
 def load_cell_drift(c: Context) -> Planted:
     """0.6-1.5 peak stresses an hour, tared at the start of every recording."""
-    form = c.pick("wandering", "warming up", "accelerating")
+    form = c.pick("wandering", "slowing", "accelerating")
     rate = c.peak * c.amount(0.6, 1.5) / 3600 * float(c.rng.choice([-1, 1]))
     warm_s = c.rng.uniform(250, 800)
     seeds = c.rng.integers(0, 2**31, len(c.programmes))
 
     def sensor(i: int, programme: Imposed, stress: Array) -> Array:
         t = programme.time_s
-        if form == "warming up":
-            return stress - rate * warm_s * np.expm1(-t / warm_s)
+        if form == "slowing":
+            return stress + rate * warm_s * np.log1p(t / warm_s)
         if form == "accelerating":
             return stress + rate * t * (0.7 + t / 700)
         walk = np.random.default_rng(seeds[i]).standard_normal(len(t)).cumsum()
