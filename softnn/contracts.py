@@ -7,7 +7,7 @@ negative. Time is axis 0; every other axis (parameter sets, columns) trails it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -256,6 +256,15 @@ class Effect(ABC):
     @abstractmethod
     def telltale(self) -> Chunk:
         """A strain programme on which the effect shows and can be told from others."""
+
+    def shown(
+        self, chunks: Sequence[Chunk], stress_MPa: Sequence[Array]
+    ) -> dict[str, Any] | None:
+        """Values that recordings show by themselves, whatever the material is.
+
+        None where they do not. Asked where no law comes near the material.
+        """
+        return None
 
     def within(self, scales: Scales) -> Effect:
         """The same law, its ranges narrowed to what such recordings could show."""

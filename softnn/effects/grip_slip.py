@@ -8,6 +8,10 @@ import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
+from softnn.effects._signs import FEWEST, WIDE, jump, minority, reach
+
+SOME = 0.45  # of the recordings, at most: else it is the material
+STEADY = 0.004  # of the largest strain: as evenly as specimens are strained
 
 EARLY = (0.015, 0.03, 0.045, 0.06, 0.105)  # of a recording: its first loading
 
@@ -77,6 +81,26 @@ class GripSlip(Effect):
             }
             for share in (0.5, *EARLY, *np.arange(0.08, 0.98, 0.05))
         ]
+
+    def shown(self, chunks, stress_MPa):
+        """Strain with hardly any stress for a moment of the first loading."""
+        if len(chunks) < FEWEST:
+            return None
+        lost, moment = np.transpose(
+            [jump(c, s) for c, s in zip(chunks, stress_MPa, strict=True)]
+        )
+        odd = minority(lost, STEADY, above=True, most=SOME)
+        if not len(odd):
+            return None
+        slip = np.zeros(len(chunks))
+        slip[odd] = [lost[i] * reach(chunks[i]) for i in odd]
+        slip *= [np.sign(c.strain[np.argmax(np.abs(c.strain))]) for c in chunks]
+        loading = [WIDE * moment[i] for i in odd]
+        return {
+            "slip": slip,
+            "moment_s": moment,
+            "duration_s": float(np.clip(np.median(loading), 1e-3, 1e5)),
+        }
 
     def telltale(self):
         return cycles([0.5, 0.5, 0.6, 0.6], 0.05)

@@ -8,6 +8,10 @@ import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import ramps
+from softnn.effects._signs import creeping, noise
+
+MUCH = (0.02, 5.0)  # of the peak stress, and noises, that a drift is in all
+ALL = 0.8  # of the recordings that could show it
 
 
 class LoadCellDrift(Effect):
@@ -51,6 +55,21 @@ class LoadCellDrift(Effect):
     def starts(self, scales):
         longest = float(np.max(scales.duration_s))
         return [{"drift_MPa_per_s": float(min(0.08 * scales.stress_MPa / longest, 1))}]
+
+    def shown(self, chunks, stress_MPa):
+        """Stress that moves on from cycle to cycle and does not settle."""
+        speeds, sure = [], 0
+        for chunk, stress in zip(chunks, stress_MPa, strict=True):
+            speed, change = creeping(chunk, stress)
+            if np.isnan(speed):
+                continue
+            share, noises = MUCH
+            peak = float(np.nanmax(np.abs(stress)))
+            speeds.append(speed)
+            sure += change > max(share * peak, noises * noise(stress))
+        if not speeds or sure < ALL * len(speeds) or np.ptp(np.sign(speeds)):
+            return None
+        return {"drift_MPa_per_s": float(np.median(speeds))}
 
     def telltale(self):
         return ramps([0, 0.5, 0.5, 0, 0, 0, 0.5, 0], 0.1)

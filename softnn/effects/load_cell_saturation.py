@@ -8,8 +8,10 @@ import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
+from softnn.effects._signs import flat, reach
 
 NEVER_MPa = 1e6
+FLAT = (0.02, 3.0)  # of the largest strain; times as wide as other levels
 
 
 class LoadCellSaturation(Effect):
@@ -53,6 +55,18 @@ class LoadCellSaturation(Effect):
             {"limit_MPa": float(share * scales.stress_MPa), "knee": k}
             for share, k in ((0.97, 0.0), (0.9, 0.0), (1.0, 0.08))
         ]
+
+    def shown(self, chunks, stress_MPa):
+        """One stress, the highest of all, kept while the strain moves on."""
+        peak = max(float(np.nanmax(np.abs(s))) for s in stress_MPa)
+        top = other = 0.0
+        for chunk, stress in zip(chunks, stress_MPa, strict=True):
+            full = np.abs(stress) >= (1 - 1e-9) * peak
+            same = np.append(np.diff(stress) == 0, False) & ~full
+            top = max(top, flat(chunk, full) / reach(chunk))
+            other = max(other, flat(chunk, same) / reach(chunk))
+        wide, wider = FLAT
+        return {"limit_MPa": peak} if top > max(wide, wider * other) else None
 
     def telltale(self):
         return cycles([0.3, 0.6, 0.6], 0.05)

@@ -8,6 +8,20 @@ import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
+from softnn.effects._signs import (
+    FEWEST,
+    QUIET,
+    minority,
+    noise,
+    pace,
+    reach,
+    taken_up,
+)
+
+LITTLE = 0.01  # of the least peak stress: none yet
+TAUT = 0.003  # of the largest strain: as well as grips are closed
+FASTER = 2.0  # than what is taut: too fast to be held against it
+MOST = 0.75  # of the recordings, that may be slack beside others that are taut
 
 
 class Slack(Effect):
@@ -67,6 +81,32 @@ class Slack(Effect):
 
     def starts(self, scales):
         return [{"gap": 0.04 * scales.strain, "toe": 0.0}]
+
+    def shown(self, chunks, stress_MPa):
+        """Strain without stress, where others have stress at once."""
+        peak = min(float(np.nanmax(np.abs(s))) for s in stress_MPa)
+        much = max(QUIET * max(map(noise, stress_MPa)), LITTLE * peak)
+        way, more = np.transpose(
+            [taken_up(c, s, much) for c, s in zip(chunks, stress_MPa, strict=True)]
+        )
+        known = np.flatnonzero(np.isfinite(way))
+        if len(known) < FEWEST:
+            return None
+        # As well as it can be told: the strain by which the stress grows by as much.
+        floor = max(
+            TAUT * min(map(reach, chunks)), float(np.median((more - way)[known])) / 3
+        )
+        loose = known[minority(way[known], floor, above=True, most=MOST)]
+        if not len(loose):
+            return None
+        # A channel that lags keeps quiet as well, the longer the faster the strain.
+        rate = np.array([pace(c) for c in chunks])
+        loose = loose[rate[loose] < FASTER * rate[np.setdiff1d(known, loose)].max()]
+        if not len(loose):
+            return None
+        gap = np.zeros(len(chunks))
+        gap[loose] = way[loose] - np.median(way[np.setdiff1d(known, loose)])
+        return {"gap": gap}
 
     def telltale(self):
         return cycles([0.3, 0.6, 0.6], 0.05)

@@ -7,7 +7,7 @@ take up is what is left beyond their distortions (`forms`).
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence, Set
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,12 +33,13 @@ from softnn.mismatch.contest import (
     without_form,
 )
 from softnn.mismatch.forms import distortions, finer, remembered
-from softnn.mismatch.screen import Screen
+from softnn.mismatch.screen import Screen, shown
 from softnn.mismatch.siblings import odd_ones
 from softnn.mismatch.verify import heldout
 from softnn.noise import Noise
 
 MOST_EFFECTS = 3
+CLOSE = 1.0  # excess, up to which what is found is the better witness than any sign
 COARSE = 1.5  # misfit over noise, a sample, from which a finer spring may help
 FAR = 8.0  # excess of misfit over noise, a sample, that no form here comes near
 CLEAR = 1.5  # times the threshold of noise, which a later effect must gain
@@ -125,20 +126,28 @@ def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
 
     Where the best account stays far above the noise in any form, none here is close,
     and the noise is not what to weigh by: the search is done again with all samples
-    alike.
+    alike. Where it stays above the noise, what recordings show by themselves is there,
+    whatever else is.
     """
     found = search(base, rng)
     engine = base.engine
+    signs: list[Piece] = []
+    if found.excess_after > CLOSE:
+        signs = shown(engine, candidates(engine, base.name, base.fixed))
     if found.excess_bent > FAR and not engine.body:
         engine.body = True
         base.noise = weigh(engine, found.final)
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed)
-        found = search(base, rng)
-        if odd := apart(base, found):
-            again = search(base, rng, odd, found.first)
-            if again.excess_after < LEFT * found.excess_after:
-                found = again
-    return found
+        if not signs:
+            found = search(base, rng)
+            if odd := apart(base, found):
+                again = search(base, rng, [odd], found.first)
+                if again.excess_after < LEFT * found.excess_after:
+                    found = again
+            return found
+    elif {p.effect.id for p in signs} <= set(found.selected):
+        return found
+    return search(base, rng, [*taken(engine, base.fit, signs)], found.first)
 
 
 def apart(base: Baseline, found: Explanation) -> Rival | None:
@@ -158,15 +167,24 @@ def apart(base: Baseline, found: Explanation) -> Rival | None:
     )
 
 
+def taken(engine: Engine, found: Fit, pieces: Sequence[Piece]) -> Iterator[Rival]:
+    """One effect after the other taken in, as they are."""
+    for piece in pieces:
+        clock = time.perf_counter()
+        found = refine(engine, found, piece)
+        yield Rival(piece.effect.id, found, time.perf_counter() - clock)
+
+
 def search(
     base: Baseline,
     rng: np.random.Generator,
-    known: Rival | None = None,
+    known: Sequence[Rival] = (),
     first: Sequence[Rival] = (),
 ) -> Explanation:
     """Forward from the base, one effect at a time, then swaps and backward.
 
-    `known` is an effect that is there for sure; `first`, what competed without it.
+    `known` are effects that are there for sure, each fitted with those before it;
+    `first` is what competed without them.
     """
     engine, noise = base.engine, base.noise
     pool = candidates(engine, base.name, base.fixed)
@@ -174,10 +192,10 @@ def search(
     steps: list[Step] = []
     first = list(first)
     threshold = ENTRY
-    if known:
-        steps.append(Step([known], score(current) - score(known.fit), known.fit))
-        current = known.fit
-    sure = {known.effect} if known else set()
+    for rival in known:
+        steps.append(Step([rival], score(current) - score(rival.fit), rival.fit))
+        current = rival.fit
+    sure = {rival.effect for rival in known}
     while len(steps) < MOST_EFFECTS + len(sure):
         if not steps:
             first, threshold = rivals(engine, current, pool, rng)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.contracts import Array, Effect
 from softnn.fit import Engine, Fit, Piece, span
@@ -43,6 +44,36 @@ def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
         free = tuple(p.name for p in effect.parameters if p.name not in effect.shape)
         groups = tuple((i,) for i in range(r)) if effect.per_recording else ()
         out.append(Piece(effect, values, free, groups))
+    return out
+
+
+def only(piece: Piece, recordings: NDArray[np.integer]) -> Piece:
+    """The piece in these recordings, off in the others."""
+    values = dict(piece.values)
+    for name, off in piece.effect.off.items():
+        array = np.full(len(values[name]), off)
+        array[recordings] = values[name][recordings]
+        values[name] = array
+    groups = tuple((int(r),) for r in sorted(recordings))
+    return replace(piece, values=values, groups=groups)
+
+
+def shown(engine: Engine, pool: Sequence[Effect]) -> list[Piece]:
+    """Effects that recordings show by themselves, in those that do."""
+    data = (engine.fine or engine).data
+    out: list[Piece] = []
+    if data.continued:  # what went before is not at rest
+        return out
+    for law in pool:
+        seen = law.shown(data.chunks, data.stress_MPa)
+        if seen is None:
+            continue
+        piece = start_pieces(engine, law)[0]
+        piece = replace(piece, values=_clipped(piece.effect, piece.values | seen))
+        name = law.amplitude
+        if name in law.per_recording:
+            piece = only(piece, np.flatnonzero(piece.values[name] != law.off[name]))
+        out.append(piece)
     return out
 
 

@@ -9,25 +9,22 @@ some of them apart from the others is there, whatever the material does.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk, Effect
+from softnn.effects._signs import FEWEST, minority
 from softnn.fit import Engine, Fit, Piece, span
 from softnn.mismatch.forms import distortions, free_columns
 from softnn.mismatch.locate import turns
-from softnn.mismatch.screen import Screen, start_pieces
+from softnn.mismatch.screen import Screen, only, start_pieces
 
-FEWEST = 3  # recordings of one programme, to say which are out of line
 BAND = 0.05  # of the largest strain: less is no way back
 ALIKE = (0.15, 1.5)  # difference of strain between two turns, ratio of their times
 AGREE = 0.8  # of the ways between turns that must be alike (a pull to failure is not)
 PLACES = (4, 20, 80)  # of what is shared: a way at least, at most, in all
 SHARE = 0.15  # of what is not shared, that an effect must take up
-APART = 5.5  # times their spread, by which some recordings must differ from the others
 RIDGE = 1e-6  # of the normal equations of the amplitudes
 
 
@@ -50,9 +47,9 @@ def odd_ones(engine: Engine, found: Fit, pool: Sequence[Effect]) -> Piece | None
         for piece in start_pieces(engine, law):
             atoms = screen.atoms(piece)[:, family]
             factors, gain = _amplitudes(atoms, screen.residual)
-            odd = _minority(factors)
+            odd = minority(factors)
             if gain > most and len(odd):
-                best, most = _only(piece, family[odd]), gain
+                best, most = only(piece, family[odd]), gain
     return best
 
 
@@ -130,28 +127,3 @@ def _amplitudes(atoms: Array, residual: Array) -> tuple[Array, float]:
     right = unit.T @ residual
     found = np.linalg.solve(gram, right)
     return found / norm, float(right @ found)
-
-
-def _minority(values: Array) -> NDArray[np.integer]:
-    """Indices of the few that lie far above or below all others; maybe none."""
-    order = np.argsort(values)
-    n = len(order)
-    best, odd = APART, order[:0]
-    for few in range(1, (n - 1) // 2 + 1):
-        for part, rest in ((order[:few], order[few:]), (order[-few:], order[:-few])):
-            spread = float(np.std(values[rest]))
-            gap = float(np.abs(values[part][:, None] - values[rest]).min())
-            if gap > best * spread:
-                best, odd = gap / max(spread, 1e-300), part
-    return odd
-
-
-def _only(piece: Piece, recordings: Array) -> Piece:
-    """The piece in these recordings, off in the others."""
-    values = dict(piece.values)
-    for name, off in piece.effect.off.items():
-        array = np.full(len(values[name]), off)
-        array[recordings] = values[name][recordings]
-        values[name] = array
-    groups = tuple((int(r),) for r in sorted(recordings))
-    return replace(piece, values=values, groups=groups)
