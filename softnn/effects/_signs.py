@@ -15,7 +15,7 @@ from softnn.noise import quantum
 APART = 5.5  # times their spread, by which some recordings must differ from the others
 UNMOVED = (0.01, 1e-4)  # of the largest strain: where rest may be, and no motion
 QUIET = 6.0  # noises: stress that is none yet
-START = 0.1  # of the largest strain: the beginning
+START = 0.5  # of the largest strain: the first loading
 FEWEST = 3  # recordings, to say which are out of line
 
 
@@ -85,7 +85,7 @@ def taken_up(chunk: Chunk, stress: Array, much: float) -> tuple[float, float]:
 
 
 def pace(chunk: Chunk) -> float:
-    """Strain a second at the very beginning, once it moves."""
+    """Strain a second of the first half of the first loading, once it moves."""
     size, (_, still) = np.abs(chunk.strain - chunk.strain[0]), UNMOVED
     a = max(int(np.argmax(size > still * reach(chunk))) - 1, 0)
     b = max(int(np.argmax(size > START * reach(chunk))), a + 1)
@@ -133,7 +133,7 @@ def jump(chunk: Chunk, stress: Array) -> tuple[float, float]:
     lost = strain[j] - strain[i] - soft.max(axis=0) * (force[j] - force[i])
     even = soft.max(axis=0) < EVEN * soft.min(axis=0)
     loud = lost / soft.max(axis=0) < LOUD * noise(stress)
-    usual = float(np.quantile(np.abs(lost), 0.9))
+    usual = float(np.quantile(np.abs(lost), 0.75))
     lost = np.where(even & ~loud & (lost > RARE * usual), lost, 0.0)
     most_lost = float(lost.max())
     if not most_lost > 0:

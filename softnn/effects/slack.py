@@ -20,7 +20,7 @@ from softnn.effects._signs import (
 
 LITTLE = 0.01  # of the least peak stress: none yet
 TAUT = 0.003  # of the largest strain: as well as grips are closed
-FASTER = 2.0  # than what is taut: too fast to be held against it
+FASTER = 1.3  # than what is taut: too fast to be held against it
 MOST = 0.75  # of the recordings, that may be slack beside others that are taut
 
 

@@ -1,0 +1,159 @@
+"""What recordings show by themselves: each fault alone, in its recordings, on a material
+that no law of softnn describes; and nothing where there is no fault."""
+
+import numpy as np
+import pytest
+
+from softnn.contracts import Chunk
+from softnn.effects import EFFECTS, effect
+from softnn.effects._signs import APART, minority
+
+AMPLITUDES = (0.50, 0.40, 0.52, 0.45, 0.50, 0.48)
+SPEEDS = (0.05, 0.1, 0.05, 0.1, 0.05, 0.1)
+NOISE = 0.002
+
+
+def programme(amplitude, speed, cycles=5):
+    levels = np.array([0.0, *[amplitude, 0.0] * cycles])
+    corners = np.concatenate([[0], np.cumsum(np.abs(np.diff(levels)) / speed)]) + 0.5
+    time = np.arange(0, corners[-1], corners[-1] / 3000)
+    return time, np.interp(time, corners, levels)
+
+
+def foam(time, strain):
+    """Softens by cycles, is slow to come back, and yields: no list has its law."""
+    up = np.gradient(strain) > 0
+    curve = np.where(up, np.tanh(4 * strain) + strain**3, 1.4 * strain**1.5)
+    slow = np.exp(-time / time[-1] / 0.3)
+    return curve * (1 + 0.3 * slow) - 0.05 * (1 - slow)
+
+
+def recorded(change=None, odd=(), amplitudes=AMPLITUDES, material=foam, side=1):
+    rng = np.random.default_rng(4)
+    chunks, stress = [], []
+    for i, (amplitude, speed) in enumerate(zip(amplitudes, SPEEDS, strict=True)):
+        time, strain = programme(amplitude, speed)
+        measured = rng.uniform(0.85, 1.15) * material(time, strain)
+        if i in odd:
+            time, strain, measured = change(time, strain, measured)
+        chunks.append(Chunk(time, side * strain))
+        stress.append(side * measured + NOISE * rng.standard_normal(len(time)))
+    return chunks, stress
+
+
+def shown(recordings):
+    found = {e.id: e.shown(*recordings) for e in EFFECTS}
+    return {k: v for k, v in found.items() if v is not None}
+
+
+def offset(time, strain, stress):
+    return time, strain, stress + 0.06
+
+
+def gap(time, strain, stress):
+    """The machine counts 0.03 of strain before the specimen is taut."""
+    speed = 0.05
+    lead = np.arange(0, 0.03 / speed, time[1])
+    return (
+        np.concatenate([lead, time + 0.03 / speed]),
+        np.concatenate([speed * lead, strain + 0.03]),
+        np.concatenate([np.full(len(lead), stress[0]), stress]),
+    )
+
+
+def slip(time, strain, stress):
+    """From two thirds of the first loading on, the specimen has 0.05 less."""
+    top = np.argmax(strain > 0.99 * strain.max())
+    lost = 0.05 * (np.arange(len(time)) > 2 * top // 3)
+    return time, strain, foam(time, np.maximum(strain - lost, 0))
+
+
+def drift(time, strain, stress):
+    return time, strain, stress + 0.15 * time / time[-1]
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(
+    ("name", "change", "odd", "value"),
+    [
+        ("zero_offset", offset, (1, 4), 0.06),
+        ("slack", gap, (0, 3), 0.03),
+        ("slack", gap, (0, 2, 3, 5), 0.03),
+        ("grip_slip", slip, (2,), 0.05),
+    ],
+)
+def test_a_fault_of_some_recordings_shows_in_those(name, change, odd, value, side):
+    found = shown(recorded(change, odd, side=side))
+    assert set(found) == {name}
+    law = effect(name)
+    values = np.array(found[name][law.amplitude])
+    assert set(np.flatnonzero(values)) == set(odd)
+    sign = side if name != "slack" else 1
+    assert values[list(odd)] == pytest.approx(sign * value, rel=0.35)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_drift_shows_where_cycles_do_not_settle(side):
+    found = shown(recorded(drift, range(6), side=side))
+    assert set(found) == {"load_cell_drift"}
+    longest = programme(AMPLITUDES[2], SPEEDS[2])[0][-1]
+    speed = side * found["load_cell_drift"]["drift_MPa_per_s"]
+    assert 0.5 * 0.15 / longest < speed < 3 * 0.15 / longest
+
+
+def test_a_clip_shows_as_one_highest_stress():
+    chunks, stress = recorded()
+    limit = 0.8 * max(s.max() for s in stress)
+    found = shown((chunks, [np.minimum(s, limit) for s in stress]))
+    assert found == {"load_cell_saturation": {"limit_MPa": pytest.approx(limit)}}
+
+
+def yielding(time, strain):
+    """A plateau that every specimen has is the material's."""
+    return np.minimum(5 * strain, 1.0) + 0.2 * strain
+
+
+def slow(time, strain):
+    """Relaxation far longer than the recording: the stress at zero falls for long."""
+    return strain - 0.2 * time / time[-1]
+
+
+@pytest.mark.parametrize("material", [foam, yielding, slow])
+@pytest.mark.parametrize("amplitudes", [AMPLITUDES, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)])
+def test_nothing_shows_without_a_fault(material, amplitudes):
+    assert shown(recorded(amplitudes=amplitudes, material=material)) == {}
+
+
+def test_coarse_steps_of_a_channel_are_no_fault():
+    chunks, stress = recorded()
+    step = 0.03 * max(s.max() for s in stress)
+    assert shown((chunks, [step * np.round(s / step) for s in stress])) == {}
+
+
+def test_a_channel_that_lags_is_not_slack():
+    def late(time, strain, stress):
+        return time, strain, np.interp(time - 0.4, time, stress)
+
+    assert "slack" not in shown(recorded(late, range(6)))
+
+
+def test_two_recordings_tell_no_odd_one():
+    chunks, stress = recorded(offset, (1,))
+    assert shown((chunks[:2], stress[:2])) == {}
+
+
+def test_without_rest_at_the_beginning_there_is_no_zero():
+    chunks, stress = recorded(offset, (1, 4))
+    begun = [slice(np.argmax(c.strain > 0.1), None) for c in chunks]
+    cut = [Chunk(c.time_s[b], c.strain[b]) for c, b in zip(chunks, begun, strict=True)]
+    assert shown((cut, [s[b] for s, b in zip(stress, begun, strict=True)])) == {}
+
+
+def test_the_few_are_those_beyond_the_spread_of_the_others():
+    values = np.array([0.0, 1.0, 0.2, 2.5, 0.4])
+    assert minority(values).tolist() == []
+    values[3] = 1.0 + 1.01 * APART * np.std([0.0, 1.0, 0.2, 0.4])
+    assert minority(values).tolist() == [3]
+    assert minority(values, floor=0.5).tolist() == []
+    assert minority(-values).tolist() == [3]
+    assert minority(-values, above=True).tolist() == []
