@@ -1,5 +1,5 @@
-"""What recordings show by themselves: each fault alone, in its recordings, on a material
-that no law of softnn describes; and nothing where there is no fault."""
+"""What recordings show by themselves: each fault alone, in its recordings, on a
+material that no law of softnn describes; and nothing where there is no fault."""
 
 import numpy as np
 import pytest
