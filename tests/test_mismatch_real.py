@@ -55,6 +55,16 @@ def test_what_sets_some_specimens_apart_is_named_on_top(fault):
     assert found == {"mullins_softening", "permanent_set"} | expected
 
 
+@pytest.mark.parametrize("fault", ["slack", "offset", "clip"])
+def test_what_recordings_show_by_themselves_is_named_beside_the_material(fault):
+    recordings = [r for r in read_set("vhb4910-zhao") if "lu_" in r.name]
+    case = faulty(
+        Case("tape", tuple(recordings)), FAULTS[fault], 1.0, np.random.default_rng(1)
+    )
+    found = set(diagnose(case).result["selected"])
+    assert found == {"finite_strain", "tension_only", FAULTS[fault].effect}
+
+
 @pytest.mark.parametrize("machine", ["bluehill", "wavematrix"])
 def test_silicone_shows_the_inertia_of_the_grips_and_no_strong_softening(machine):
     # SOURCE.md: force spikes at every reversal; softening of two per cent at most.
