@@ -1,12 +1,20 @@
 """What recordings show by themselves: each fault alone, in its recordings, on a
 material that no law of softnn describes; and nothing where there is no fault."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from softnn.contracts import Chunk
 from softnn.effects import EFFECTS, effect
 from softnn.effects._signs import APART, minority
+from softnn.fit import Data, Engine
+from softnn.mismatch import Case, diagnose, explain
+from softnn.mismatch.base import baseline
+from softnn.mismatch.screen import shown as screened
+from softnn.recording import Recording
 
 AMPLITUDES = (0.50, 0.40, 0.52, 0.45, 0.50, 0.48)
 SPEEDS = (0.05, 0.1, 0.05, 0.1, 0.05, 0.1)
@@ -28,7 +36,9 @@ def foam(time, strain):
     return curve * (1 + 0.3 * slow) - 0.05 * (1 - slow)
 
 
-def recorded(change=None, odd=(), amplitudes=AMPLITUDES, material=foam, side=1):
+def recorded(
+    change=None, odd=(), amplitudes=AMPLITUDES, material=foam, side=1, noise=NOISE
+):
     rng = np.random.default_rng(4)
     chunks, stress = [], []
     for i, (amplitude, speed) in enumerate(zip(amplitudes, SPEEDS, strict=True)):
@@ -37,7 +47,7 @@ def recorded(change=None, odd=(), amplitudes=AMPLITUDES, material=foam, side=1):
         if i in odd:
             time, strain, measured = change(time, strain, measured)
         chunks.append(Chunk(time, side * strain))
-        stress.append(side * measured + NOISE * rng.standard_normal(len(time)))
+        stress.append(side * measured + noise * rng.standard_normal(len(time)))
     return chunks, stress
 
 
@@ -118,16 +128,82 @@ def slow(time, strain):
     return strain - 0.2 * time / time[-1]
 
 
-@pytest.mark.parametrize("material", [foam, yielding, slow])
+def settling(time, strain):
+    """A stress at zero strain that builds up, towards the load, and stays."""
+    return strain + 0.1 * -np.expm1(-time / time[-1] / 0.15)
+
+
+def ratchet(time, strain):
+    """The same with every new maximum: it goes on only where the cycles grow."""
+    return strain + 0.2 * np.maximum.accumulate(strain)
+
+
+@pytest.mark.parametrize("noise", [NOISE, 0.02])
+@pytest.mark.parametrize("material", [foam, yielding, slow, settling, ratchet])
 @pytest.mark.parametrize("amplitudes", [AMPLITUDES, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)])
-def test_nothing_shows_without_a_fault(material, amplitudes):
-    assert shown(recorded(amplitudes=amplitudes, material=material)) == {}
+def test_nothing_shows_without_a_fault(material, amplitudes, noise):
+    found = shown(recorded(amplitudes=amplitudes, material=material, noise=noise))
+    assert found == {}
+
+
+def test_nothing_shows_where_one_recording_has_cycles_that_grow():
+    """Its stress at zero strain moves on, as all others' have done at once."""
+    chunks, stress = recorded(material=ratchet)
+    grown = np.linspace(0.1, 0.5, 6)
+    levels = np.ravel(np.column_stack([np.zeros(6), grown]))
+    corners = np.concatenate([[0], np.cumsum(np.abs(np.diff(levels)) / 0.05)])
+    time = np.arange(0, corners[-1], 0.03)
+    strain = np.interp(time, corners, levels)
+    for _ in range(9):  # most of the recordings
+        chunks.append(Chunk(time, strain))
+        stress.append(ratchet(time, strain))
+    assert shown((chunks[6:], stress[6:])) == {}
+
+
+def test_a_change_of_speed_is_no_slip():
+    """A viscous stress falls where the machine slows down."""
+
+    def slower(time, strain, stress):
+        bend = time[np.argmax(strain > 0.6 * strain.max())]
+        warped = np.where(time < bend, time, bend + (time - bend) * 2.5)
+        rate = np.where(time < bend, 1.0, 0.4)
+        return warped, strain, strain + 0.1 * rate * (strain > 0)
+
+    def viscous(time, strain):
+        return strain + 0.1 * (strain > 0)
+
+    assert shown(recorded(slower, (2,), material=viscous)) == {}
+
+
+def test_serrations_are_no_slip():
+    def serrated(time, strain, stress):
+        return time, strain, stress - 0.08 * ((25 * strain) % 1)
+
+    assert "grip_slip" not in shown(recorded(serrated, (2,)))
+
+
+def test_what_most_recordings_lose_is_the_material():
+    assert "grip_slip" not in shown(recorded(slip, (0, 1, 2, 3)))
+
+
+def test_little_is_no_fault():
+    def little(time, strain, stress):
+        return time, strain, stress + 0.008
+
+    def hardly(time, strain, stress):
+        return time, strain, stress + 0.01 * time / time[-1]
+
+    assert shown(recorded(little, (1, 4), noise=0.0005)) == {}
+    assert shown(recorded(hardly, range(6), noise=0.0001)) == {}
 
 
 def test_coarse_steps_of_a_channel_are_no_fault():
     chunks, stress = recorded()
     step = 0.03 * max(s.max() for s in stress)
-    assert shown((chunks, [step * np.round(s / step) for s in stress])) == {}
+    coarse = [step * np.round(s / step) for s in stress]
+    assert shown((chunks, coarse)) == {}
+    coarse[1] += step  # what rounding may do
+    assert shown((chunks, coarse)) == {}
 
 
 def test_a_channel_that_lags_is_not_slack():
@@ -143,7 +219,10 @@ def test_two_recordings_tell_no_odd_one():
 
 
 def test_without_rest_at_the_beginning_there_is_no_zero():
-    chunks, stress = recorded(offset, (1, 4))
+    def high(time, strain, stress):
+        return time, strain, stress + 2.0
+
+    chunks, stress = recorded(high, (1, 4))
     begun = [slice(np.argmax(c.strain > 0.1), None) for c in chunks]
     cut = [Chunk(c.time_s[b], c.strain[b]) for c, b in zip(chunks, begun, strict=True)]
     assert shown((cut, [s[b] for s, b in zip(stress, begun, strict=True)])) == {}
@@ -157,3 +236,51 @@ def test_the_few_are_those_beyond_the_spread_of_the_others():
     assert minority(values, floor=0.5).tolist() == []
     assert minority(-values).tolist() == [3]
     assert minority(-values, above=True).tolist() == []
+
+
+def test_what_is_shown_becomes_a_piece_of_the_fit():
+    chunks, stress = recorded(offset, (1, 4))
+    data = Data(tuple("abcdef"), tuple(chunks), tuple(stress))
+    (piece,) = screened(Engine(data), EFFECTS)
+    assert piece.effect.id == "zero_offset"
+    assert piece.groups == ((1,), (4,))
+    assert piece.values["offset_MPa"][[0, 2, 3, 5]].tolist() == [0, 0, 0, 0]
+    # A specimen that goes on from another recording is not at rest.
+    assert screened(Engine(replace(data, continued=True)), EFFECTS) == []
+
+
+def case(change=None, odd=(), material=foam):
+    chunks, stress = recorded(change, odd, material=material)
+    return Case(
+        "foam",
+        tuple(
+            Recording(c.time_s[::8], c.strain[::8], s[::8], name=f"r{i}")
+            for i, (c, s) in enumerate(zip(chunks, stress, strict=True))
+        ),
+    )
+
+
+@pytest.mark.parametrize(("left", "known"), [(5.0, ["zero_offset"]), (0.5, None)])
+def test_what_is_shown_is_there_for_sure_where_much_is_left(monkeypatch, left, known):
+    asked = []
+
+    def search(base, rng, known=(), first=()):
+        asked.append([r.effect for r in known])
+        return SimpleNamespace(
+            excess_after=left, excess_bent=2.0, selected=["slack"], first=[]
+        )
+
+    monkeypatch.setattr(explain, "search", search)
+    chunks, stress = recorded(offset, (1, 4))
+    data = Data(tuple("abcdef"), tuple(chunks), tuple(stress))
+    explain.explain(baseline(data, "hooke"), np.random.default_rng(0))
+    assert asked == ([[], known] if known else [[]])
+
+
+@pytest.mark.slow
+def test_what_is_shown_is_named_where_no_law_comes_near():
+    given = case(gap, (0, 3))
+    few = replace(given, recordings=given.recordings[:4])
+    found = diagnose(few, "hooke").result["explanations"]
+    (told,) = [e for e in found if e["effect"] == "slack"]
+    assert set(told["recordings"]) <= {"r0", "r3"}
