@@ -229,6 +229,30 @@ def test_without_rest_at_the_beginning_there_is_no_zero():
     assert shown((cut, [s[b] for s, b in zip(stress, begun, strict=True)])) == {}
 
 
+def test_empty_channels_and_idle_recordings_show_nothing_and_break_nothing():
+    chunks, stress = recorded(offset, (1, 4))
+    stress[0] = np.full(len(stress[0]), np.nan)
+    chunks[2] = Chunk(chunks[2].time_s, np.zeros(len(chunks[2].time_s)))
+    chunks[3], stress[3] = (
+        Chunk(chunks[3].time_s[:2], chunks[3].strain[:2]),
+        stress[3][:2],
+    )
+    found = shown((chunks, stress))
+    assert set(found) <= {"zero_offset"}
+    nothing = [np.full(len(s), np.nan) for s in stress]
+    assert shown((chunks, nothing)) == {}
+
+
+def test_a_recording_that_does_not_begin_at_rest_leaves_the_others_their_zero():
+    chunks, stress = recorded(offset, (1, 4))
+    late = slice(np.argmax(chunks[5].strain > 0.1), None)
+    chunks[5] = Chunk(chunks[5].time_s[late], chunks[5].strain[late])
+    stress[5] = stress[5][late]
+    offsets = shown((chunks, stress))["zero_offset"]["offset_MPa"]
+    assert np.flatnonzero(offsets).tolist() == [1, 4]
+    assert offsets[[1, 4]] == pytest.approx(0.06, abs=0.01)
+
+
 def test_the_few_are_those_beyond_the_spread_of_the_others():
     values = np.array([0.0, 1.0, 0.2, 2.5, 0.4])
     assert minority(values).tolist() == []

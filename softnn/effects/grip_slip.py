@@ -6,12 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Array, Chunk, Effect, Parameter
 from softnn.effects._programmes import cycles
-from softnn.effects._signs import FEWEST, WIDE, jump, minority, reach
+from softnn.effects._signs import FEWEST, QUIET, minority, noise, reach
 
 SOME = 0.45  # of the recordings, at most: else it is the material
-STEADY = 0.004  # of the largest strain: as evenly as specimens are strained
+WIDE = 0.03  # of the time of the first loading: a slip takes no longer
+BACK = 0.03  # of the largest strain: less is no way back
+EVEN, STEADY = 3.0, 1.5  # ratios of the compliances, and speeds, beside it, at most
+LOUD, RARE = 8.0, 4.0  # noises, and times what is usual, that it must be
+FEW = 40  # samples of the first loading, too few to see a moment in
+EVENLY = 0.004  # of the largest strain: as evenly as specimens are strained
 
 EARLY = (0.015, 0.03, 0.045, 0.06, 0.105)  # of a recording: its first loading
 
@@ -87,9 +92,9 @@ class GripSlip(Effect):
         if len(chunks) < FEWEST:
             return None
         lost, moment = np.transpose(
-            [jump(c, s) for c, s in zip(chunks, stress_MPa, strict=True)]
+            [_jump(c, s) for c, s in zip(chunks, stress_MPa, strict=True)]
         )
-        odd = minority(lost, STEADY, above=True, most=SOME)
+        odd = minority(lost, EVENLY, above=True, most=SOME)
         if not len(odd):
             return None
         slip = np.zeros(len(chunks))
@@ -110,3 +115,51 @@ class RegrippedSlip(GripSlip):
     """The same where the specimen is gripped anew between recordings."""
 
     lasting = False
+
+
+def _jump(chunk: Chunk, stress: Array) -> tuple[float, float]:
+    """Strain lost at once in the first loading, over the largest; and its moment [s].
+
+    Strain that comes with less stress than before it and after it.
+    """
+    time, strain, force = _first_loading(chunk, stress)
+    if len(time) < FEW:
+        return 0.0, 0.0
+    width = WIDE * (time[-1] - time[0])
+    i = np.arange(len(time))
+    a, j, b = (np.searchsorted(time, time + k * width) for k in (-2, 1, 3))
+    inside = (time - time[0] > 2 * width) & (b < len(time)) & (i - a > 1) & (j - i > 0)
+    a, i, j, b = a[inside], i[inside], j[inside], b[inside]
+    rises = np.stack([force[i] - force[a], force[b] - force[j]])
+    ways = np.stack([strain[i] - strain[a], strain[b] - strain[j]])
+    speeds = ways / np.stack([time[i] - time[a], time[b] - time[j]])
+    clear = (rises.min(axis=0) > QUIET * noise(stress)) & (ways.min(axis=0) > 0)
+    clear &= speeds.max(axis=0) < STEADY * speeds.min(axis=0)
+    if not clear.any():
+        return 0.0, 0.0
+    i, j = i[clear], j[clear]
+    soft = ways[:, clear] / rises[:, clear]
+    lost = strain[j] - strain[i] - soft.max(axis=0) * (force[j] - force[i])
+    even = soft.max(axis=0) < EVEN * soft.min(axis=0)
+    loud = lost / soft.max(axis=0) < LOUD * noise(stress)
+    usual = float(np.quantile(np.abs(lost), 0.75))
+    lost = np.where(even & ~loud & (lost > RARE * usual), lost, 0.0)
+    most = float(lost.max())
+    if not most > 0:
+        return 0.0, 0.0
+    whole = np.flatnonzero(lost > 0.9 * most)
+    middle = 0.5 * (time[i[whole[0]]] + time[j[whole[-1]]])
+    return most / reach(chunk), float(middle - chunk.time_s[0])
+
+
+def _first_loading(chunk: Chunk, stress: Array) -> tuple[Array, Array, Array]:
+    """Time, and strain and stress counted upwards, before strain first comes back."""
+    top = reach(chunk)
+    side = np.sign(chunk.strain[np.argmax(np.abs(chunk.strain) > BACK * top)])
+    strain = side * chunk.strain
+    most = np.maximum.accumulate(strain)
+    back = most - strain > BACK * top
+    end = int(np.argmax(back)) if back.any() else len(back)
+    end = int(np.argmax(most[:end] > 0.98 * most[end - 1]))
+    good = np.flatnonzero(np.isfinite(stress[:end]))
+    return chunk.time_s[good], strain[good], side * stress[good]

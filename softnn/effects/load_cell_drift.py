@@ -6,11 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Array, Chunk, Effect, Parameter
 from softnn.effects._programmes import ramps
-from softnn.effects._signs import creeping, noise
+from softnn.effects._signs import noise, peak, reach
 
 MUCH = (0.02, 5.0)  # of the peak stress, and noises, that a drift is in all
+OUT, HOME = 0.5, 0.15  # of the largest strain: away from, and back at, the beginning
+LIKE = 0.05  # of the largest strain, by which peaks and returns may differ
+IDLE = 0.02  # of the peak stress: what changes no more while strained bears nothing
+RETURNS = 4  # at least, to see that they do not settle
+STEADILY = (0.6, 0.15)  # slope of the later half, and scatter, over the whole change
 ALL = 0.8  # of the recordings that could show it
 
 
@@ -60,13 +65,12 @@ class LoadCellDrift(Effect):
         """Stress that moves on from cycle to cycle and does not settle."""
         speeds, sure = [], 0
         for chunk, stress in zip(chunks, stress_MPa, strict=True):
-            speed, change = creeping(chunk, stress)
+            speed, change = _creeping(chunk, stress)
             if np.isnan(speed):
                 continue
             share, noises = MUCH
-            peak = float(np.nanmax(np.abs(stress)))
             speeds.append(speed)
-            sure += change > max(share * peak, noises * noise(stress))
+            sure += change > max(share * peak(stress), noises * noise(stress))
         if not speeds or sure < ALL * len(speeds) or np.ptp(np.sign(speeds)):
             return None
         return {"drift_MPa_per_s": float(np.median(speeds))}
@@ -99,3 +103,55 @@ class WarmUp(LoadCellDrift):
         longest = float(np.max(scales.duration_s))
         tau = float(np.clip(0.5 * longest, 1e-2, 1e7))
         return [super().starts(scales)[0] | {"warm_up_s": tau}]
+
+
+def _creeping(chunk: Chunk, stress: Array) -> tuple[float, float]:
+    """Change of stress a second at one strain, cycle after cycle; and of how much.
+
+    Steady cycles leave a material in a steady state, which it nears ever more slowly: 0
+    where the change slows down. A material that relaxes goes away from the load, so
+    that way is no sign unless the specimen bears nothing at the return: nan there, and
+    where there are too few cycles, or no like ones.
+    """
+    rows = _returns(chunk, stress)
+    if len(rows) < RETURNS:
+        return np.nan, 0.0
+    time, level, back, peaks, spans = np.array(rows).T
+    if max(np.ptp(back), np.ptp(peaks)) > LIKE:
+        return np.nan, 0.0
+    slope, level_0 = np.polyfit(time, level, 1)
+    late = slice(len(time) // 2, None)
+    later = np.polyfit(time[late], level[late], 1)[0]
+    change = slope * np.ptp(time)
+    scatter = np.std(level - slope * time - level_0)
+    steady, straight = STEADILY
+    side = np.sign(chunk.strain[np.argmax(np.abs(chunk.strain))])
+    if slope * side < 0 and np.median(spans) > IDLE:
+        return np.nan, 0.0
+    if later * np.sign(slope) < steady * abs(slope) or scatter > straight * abs(change):
+        return 0.0, 0.0
+    return float(slope), float(abs(change))
+
+
+def _returns(chunk: Chunk, stress: Array) -> list[tuple[float, ...]]:
+    """Of each return to small strain: time, stress, strain and the peak before it (of
+    the largest), and how much the stress changes there (of its peak)."""
+    strain = (chunk.strain - chunk.strain[0]) / max(reach(chunk), 1e-12)
+    size = np.abs(strain)
+    where = np.where(size > OUT, 1, np.where(size < HOME, -1, 0))
+    known = np.flatnonzero(where)
+    swings = np.flatnonzero(np.diff(where[known])) + 1
+    rows: list[tuple[float, ...]] = []
+    for visit in np.split(known, swings)[1:]:
+        if where[visit[0]] > 0:
+            top = float(size[visit].max())
+            continue
+        low = strain[visit][np.argmin(size[visit])]
+        visit = visit[np.isfinite(stress[visit])]
+        near = visit[np.abs(strain[visit] - low) < 0.5 * LIKE]
+        if len(near):
+            home = stress[visit[np.abs(strain[visit] - low) < LIKE]]
+            span = float(np.ptp(np.quantile(home, [0.1, 0.9]))) / peak(stress)
+            middle = chunk.time_s[near[len(near) // 2]]
+            rows.append((middle, float(np.median(stress[near])), low, top, span))
+    return rows

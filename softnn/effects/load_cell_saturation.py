@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Chunk, Effect, Parameter
 from softnn.effects._programmes import cycles
-from softnn.effects._signs import flat, reach
+from softnn.effects._signs import peak, reach
 
 NEVER_MPa = 1e6
 FLAT = (0.02, 3.0)  # of the largest strain; times as wide as other levels
@@ -58,15 +59,23 @@ class LoadCellSaturation(Effect):
 
     def shown(self, chunks, stress_MPa):
         """One stress, the highest of all, kept while the strain moves on."""
-        peak = max(float(np.nanmax(np.abs(s))) for s in stress_MPa)
+        limit = max(map(peak, stress_MPa))
         top = other = 0.0
         for chunk, stress in zip(chunks, stress_MPa, strict=True):
-            full = np.abs(stress) >= (1 - 1e-9) * peak
+            full = np.abs(stress) >= (1 - 1e-9) * limit
             same = np.append(np.diff(stress) == 0, False) & ~full
-            top = max(top, flat(chunk, full) / reach(chunk))
-            other = max(other, flat(chunk, same) / reach(chunk))
+            top = max(top, _flat(chunk, full))
+            other = max(other, _flat(chunk, same))
         wide, wider = FLAT
-        return {"limit_MPa": peak} if top > max(wide, wider * other) else None
+        return {"limit_MPa": limit} if top > max(wide, wider * other) else None
 
     def telltale(self):
         return cycles([0.3, 0.6, 0.6], 0.05)
+
+
+def _flat(chunk: Chunk, at: NDArray[np.bool]) -> float:
+    """Longest way of strain, of the largest, along which `at` holds without a break."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
+    runs = zip(edge[::2], edge[1::2], strict=True)
+    ways = [float(np.ptp(chunk.strain[a:b])) for a, b in runs]
+    return max(ways, default=0.0) / max(reach(chunk), 1e-12)

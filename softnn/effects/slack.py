@@ -6,20 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Array, Chunk, Effect, Parameter
 from softnn.effects._programmes import cycles
 from softnn.effects._signs import (
     FEWEST,
     QUIET,
+    UNMOVED,
+    at_rest,
     minority,
     noise,
-    pace,
+    peak,
     reach,
-    taken_up,
 )
 
 LITTLE = 0.01  # of the least peak stress: none yet
 TAUT = 0.003  # of the largest strain: as well as grips are closed
+START = 0.5  # of the largest strain: the first loading
 FASTER = 1.3  # than what is taut: too fast to be held against it
 MOST = 0.75  # of the recordings, that may be slack beside others that are taut
 
@@ -84,10 +86,11 @@ class Slack(Effect):
 
     def shown(self, chunks, stress_MPa):
         """Strain without stress, where others have stress at once."""
-        peak = min(float(np.nanmax(np.abs(s))) for s in stress_MPa)
-        much = max(QUIET * max(map(noise, stress_MPa)), LITTLE * peak)
+        much = max(
+            QUIET * max(map(noise, stress_MPa)), LITTLE * min(map(peak, stress_MPa))
+        )
         way, more = np.transpose(
-            [taken_up(c, s, much) for c, s in zip(chunks, stress_MPa, strict=True)]
+            [_taken_up(c, s, much) for c, s in zip(chunks, stress_MPa, strict=True)]
         )
         known = np.flatnonzero(np.isfinite(way))
         if len(known) < FEWEST:
@@ -100,7 +103,7 @@ class Slack(Effect):
         if not len(loose):
             return None
         # A channel that lags keeps quiet as well, the longer the faster the strain.
-        rate = np.array([pace(c) for c in chunks])
+        rate = np.array([_pace(c) for c in chunks])
         loose = loose[rate[loose] < FASTER * rate[np.setdiff1d(known, loose)].max()]
         if not len(loose):
             return None
@@ -110,3 +113,28 @@ class Slack(Effect):
 
     def telltale(self):
         return cycles([0.3, 0.6, 0.6], 0.05)
+
+
+def _taken_up(chunk: Chunk, stress: Array, much: float) -> tuple[float, float]:
+    """Strain at which the stress has left its level at rest by `much`, and by more.
+
+    nan where a recording does not begin at rest, or does not get there.
+    """
+    level = at_rest(chunk, stress)
+    if not np.isfinite(level):
+        return np.nan, np.nan
+    size = np.fmax.accumulate(np.nan_to_num(np.abs(stress - level)))
+    way = np.abs(chunk.strain - chunk.strain[0])
+    first, more = np.searchsorted(size, [much, 2 * much])
+    if more == len(size):
+        return np.nan, np.nan
+    return float(way[max(first - 1, 0)]), float(way[more])
+
+
+def _pace(chunk: Chunk) -> float:
+    """Strain a second of the first half of the first loading, once it moves."""
+    size, (_, still) = np.abs(chunk.strain - chunk.strain[0]), UNMOVED
+    a = max(int(np.argmax(size > still * reach(chunk))) - 1, 0)
+    b = max(int(np.argmax(size > START * reach(chunk))), a + 1)
+    seconds = chunk.time_s[b] - chunk.time_s[a]
+    return float((size[b] - size[a]) / max(seconds, 1e-9))

@@ -8,7 +8,7 @@ import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import ramps
-from softnn.effects._signs import FEWEST, at_rest, minority, noise
+from softnn.effects._signs import FEWEST, at_rest, minority, noise, peak
 
 TARED = 0.004  # of the peak stress: as well as zeros agree
 
@@ -54,13 +54,15 @@ class ZeroOffset(Effect):
         known = np.flatnonzero(np.isfinite(level))
         if len(known) < FEWEST:
             return None
-        peak = max(float(np.nanmax(np.abs(s))) for s in stress_MPa)
-        floor = max(TARED * peak, float(np.median([noise(s) for s in stress_MPa])))
+        floor = max(
+            TARED * max(map(peak, stress_MPa)),
+            float(np.median([noise(s) for s in stress_MPa])),
+        )
         odd = known[minority(level[known], floor)]
         if not len(odd):
             return None
         offset = np.zeros(len(chunks))
-        offset[odd] = level[odd] - np.median(np.delete(level, odd))
+        offset[odd] = level[odd] - np.median(level[np.setdiff1d(known, odd)])
         return {"offset_MPa": offset}
 
     def telltale(self):
