@@ -90,11 +90,19 @@ def share(entry: Mapping[str, Any] | None) -> str | None:
 
     >>> share({"rate": 0.5, "low": 0.25, "high": 0.75, "of": 8})
     '50 % (25 to 75)'
+
+    One miss in many is not none.
+
+    >>> share({"rate": 0.995, "low": 0.972, "high": 0.9991, "of": 200})
+    '99.5 % (97 to 99.9)'
     """
     if not entry or entry.get("rate") is None or not entry.get("of"):
         return None
-    low, high = (f"{100 * entry[k]:.0f}" for k in ("low", "high"))
-    return f"{percent(entry['rate'], 0)} ({low} to {high})"
+    rate, low, high = (
+        f"{100 * v:.1f}" if 0.99 < v < 1 and entry["rate"] < 1 else f"{100 * v:.0f}"
+        for v in (entry["rate"], entry["low"], entry["high"])
+    )
+    return f"{rate} % ({low} to {high})"
 
 
 def strength_of(trial: Result) -> float:
