@@ -98,8 +98,12 @@ def share(entry: Mapping[str, Any] | None) -> str | None:
     """
     if not entry or entry.get("rate") is None or not entry.get("of"):
         return None
+    ends = entry["rate"] in (
+        0,
+        1,
+    )  # all or none: the interval is wide, or needs no tenth
     rate, low, high = (
-        f"{100 * v:.1f}" if 0.99 < v < 1 and entry["rate"] < 1 else f"{100 * v:.0f}"
+        f"{100 * v:.{int(not ends and (0 < v < 0.01 or 0.99 < v < 1))}f}"
         for v in (entry["rate"], entry["low"], entry["high"])
     )
     return f"{rate} % ({low} to {high})"
@@ -227,9 +231,9 @@ def limits(page: Page, found: Result) -> None:
     page.say(
         f"{found['record']['cases']} cases: {len(grid['effects'])} effects, strengths "
         f"{', '.join(f'{s:g}' for s in grid['strengths'])}, noise of {levels} of the "
-        f"stress range, {', '.join(grid['colours'])}, {grid['cases']} cases a cell. "
-        "The oracle is the likelihood-ratio test that is told the true form, the "
-        "programme and the noise. Averaged over strengths softnn names "
+        f"stress range, {', '.join(grid['colours'])}, in each cell "
+        f"{grid['cases']}. The oracle is the likelihood-ratio test that is told the "
+        "true form, the programme and the noise. Averaged over strengths softnn names "
         f"{head['power_ratio_mean']:.2f} of what the oracle sees; "
         f"{head['effects_at_bar']} of {head['effects']} effects are at "
         f"{head['power_ratio_bar']:g} or more."
