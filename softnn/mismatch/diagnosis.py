@@ -562,7 +562,8 @@ def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> st
     for region in result["mismatch"]:
         share[region["sign"]] += region["share"]
     sign = max(share, key=lambda k: share[k])
-    spoken = " and ".join(n.replace("_", " ") for n in names)
+    *others, last = (n.replace("_", " ") for n in names)
+    spoken = f"{', '.join(others)} and {last}" if others else last
     verb = "was" if len(names) == 1 else "were"
     where = effect(names[0]).where
     part = "" if verdict == "explained" else " Part of the mismatch stays unexplained."
