@@ -262,7 +262,7 @@ class Effect(ABC):
     ) -> dict[str, Any] | None:
         """Values that recordings show by themselves, whatever the material is.
 
-        None where they do not. Asked where no law comes near the material.
+        None where they do not. Asked where an account stays above the noise.
         """
         return None
 

@@ -98,10 +98,8 @@ def share(entry: Mapping[str, Any] | None) -> str | None:
     """
     if not entry or entry.get("rate") is None or not entry.get("of"):
         return None
-    ends = entry["rate"] in (
-        0,
-        1,
-    )  # all or none: the interval is wide, or needs no tenth
+    # All or none needs no tenth.
+    ends = entry["rate"] in (0, 1)
     rate, low, high = (
         f"{100 * v:.{int(not ends and (0 < v < 0.01 or 0.99 < v < 1))}f}"
         for v in (entry["rate"], entry["low"], entry["high"])
