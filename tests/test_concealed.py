@@ -545,6 +545,11 @@ def test_oracle_sees_only_what_the_base_cannot_move():
     assert oracle.visible_energy(one, two[0], 0.5 * two[0], time, sigma, 0.0) < 1e-3
     left = oracle.absorb(refit, inside, sigma)
     assert np.sqrt(np.mean(left**2)) < 1e-6
+    # Beside another effect: what a bend of that, or a lag, could be is not seen.
+    able = oracle.bent(None, [outside], [p])
+    for bend in (outside * strain[p.index] ** 2, np.r_[[outside[0]] * 3, outside[:-3]]):
+        assert oracle.visible_energy(able, still, bend, time, sigma, 0.0) < 1e-3
+    assert oracle.visible_energy(able, still, inside, time, sigma, 0.0) > 1e4
 
 
 # --- cases ----------------------------------------------------------------------------
@@ -742,12 +747,16 @@ def test_wilson_intervals_as_published(right, of, low, high):
     assert scoring.wilson(right, of) == pytest.approx((low, high), abs=5e-5)
 
 
-def answer_of(group: str, *effects: str, power: float = 1.0) -> dict:
+def answer_of(
+    group: str, *effects: str, power: float = 1.0, beside: float = 1.0
+) -> dict:
     return {
         "case": "c",
         "group": group,
         "effects": list(effects),
-        "planted": {e: {"oracle_power": power} for e in effects},
+        "planted": {
+            e: {"oracle_power": power, "power_beside": beside} for e in effects
+        },
         "recordings": [{"name": "recording-01", "samples": 10}],
         "acts": [[[2, 6]]],
         "left": [[]],
@@ -762,7 +771,12 @@ def answer_of(group: str, *effects: str, power: float = 1.0) -> dict:
 
 
 def said(
-    verdict: str, *selected: str, chance: float = 0.9, mismatch=(), base: float = 0.1
+    verdict: str,
+    *selected: str,
+    chance: float = 0.9,
+    mismatch=(),
+    base: float = 0.1,
+    after: float = 0.03,
 ) -> dict:
     return {
         "verdict": verdict,
@@ -772,7 +786,10 @@ def said(
             for s in selected
         ],
         "mismatch": list(mismatch),
-        "fit": {"before": {"nrmse": base}, "after": {"heldout_nrmse": 0.021}},
+        "fit": {
+            "before": {"nrmse": base},
+            "after": {"nrmse": after, "heldout_nrmse": 0.021},
+        },
     }
 
 
@@ -845,6 +862,38 @@ def test_scores_counted_by_hand():
         "6": "something named where nothing is missing",
         "8": "no diagnosis was written",
     }
+
+
+@pytest.mark.parametrize(
+    ("answer", "diagnosis", "cause"),
+    [
+        (
+            answer_of("pair", "friction_hysteresis", "inertia", beside=0.3),
+            said("explained", "inertia"),
+            "one of two, in whose forms the other is lost, says the oracle",
+        ),
+        (
+            answer_of("pair", "friction_hysteresis", "inertia", beside=0.9),
+            said("explained", "inertia"),
+            "one of two found",
+        ),
+        # Noise is 0.02 in these cases.
+        (
+            answer_of("unlisted", "hum"),
+            said("explained", "slack", after=0.0201),
+            "on no list, but what was named leaves no more than noise",
+        ),
+        (
+            answer_of("unlisted", "hum"),
+            said("explained", "slack", after=0.0204),
+            "confident name for something on no list",
+        ),
+    ],
+)
+def test_a_miss_says_whether_the_other_could_be_seen(answer, diagnosis, cause):
+    times = {"c": {"recording-01": np.arange(10.0)}}
+    (miss,) = scoring.score([answer], {"c": diagnosis}, times, {})["misses"]
+    assert miss["cause"] == cause
 
 
 def test_concealed_is_what_the_base_alone_hides():

@@ -30,6 +30,31 @@ def test_softening_is_that_of_ogden_and_roxburgh_for_a_power_law_energy(power):
     np.testing.assert_allclose(out, 2.0 * eta * strain, rtol=1e-12)
 
 
+def test_a_crooked_strip_shows_the_line_of_southwell():
+    # Deflection over load, against deflection, is straight, of slope 1 / Euler load.
+    law, euler = effect("tension_only", "CrookedStrip"), 0.03
+    values = {"amount": 1.0, "buckling_MPa": euler}
+    strain = np.array([0.0, 0.3, -0.05, -0.1, -0.2, -0.4])
+    out = simulate(SPRING, [2.0], [Term(law, values)], [Chunk(np.arange(6.0), strain)])[
+        0
+    ]
+    assert out[1] == pytest.approx(2.0 * strain[1])  # taut as ever
+    short = -strain[2:]
+    slope = np.diff(short / -out[2:]) / np.diff(short)
+    np.testing.assert_allclose(slope, 1 / euler, rtol=1e-12)
+
+
+@pytest.mark.parametrize("stretch", [0.6, 1.5, 3.0])
+def test_a_branch_too_quick_to_flow_is_a_neo_hookean_strip(stretch):
+    # Engineering stress of an incompressible neo-Hookean strip, E / 3 (l - l^-2).
+    law, e = effect("finite_strain", "StretchedBranches"), 1.7
+    values = {"amount": 1.0, "section": 1.0, "modulus_MPa": e}
+    units = Units("wiechert", (0.0, 1.0), (1e9,))
+    pull = Chunk(np.arange(3.0), np.array([0.0, 0.5, 1.0]) * (stretch - 1))
+    out = simulate(units, [0.0, e], [Term(law, values)], [pull])[0]
+    np.testing.assert_allclose(out[-1], e / 3 * (stretch - stretch**-2), rtol=1e-6)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_wall_friction_is_a_share_of_the_load_up_and_down(side):
     # Slid through, the load is (1 + mu) times that of the spring on the way out and

@@ -339,6 +339,68 @@ def test_what_completes_an_account_is_added_though_a_form_could_do_it(
     assert adds(engine, base, one, both, 20.0) == completes
 
 
+@pytest.mark.parametrize(("ahead", "taken"), [(20.0, False), (40.0, True)])
+def test_two_as_they_are_that_beat_one_in_any_form_are_both_there(
+    monkeypatch, ahead, taken
+):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    one = explain.without(engine, both, "permanent_set")
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    monkeypatch.setattr(explain, "COMPLETE", -1.0)
+    # 1.5 thresholds of 20 ahead of the best form of one, none of which helps two.
+    monkeypatch.setattr(explain, "without_form", lambda *a: both.chi2 + ahead)
+    assert adds(engine, base, one, both, 20.0) == taken
+    # Not where much is left: then it is some other form, or something else.
+    monkeypatch.setattr(explain, "NOISE", both.chi2 / len(engine.target) - 1.01)
+    assert not adds(engine, base, one, both, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("slips", "most", "much"),
+    [
+        ([0.1] * 5, True, True),
+        ([0.1] * 3 + [0.0] * 2, False, False),
+        ([0.1] * 3 + [4e-3] * 2, True, False),
+    ],
+)
+def test_a_sponge_has_values_in_most_recordings(slips, most, much):
+    law = effect("grip_slip")
+    values = law.defaults() | {"slip": np.array(slips)}
+    groups = tuple((i,) for i, s in enumerate(slips) if s)
+    engine, piece = SimpleNamespace(chunks=[None] * 5), Piece(law, values, (), groups)
+    assert explain.sponge(engine, piece) == most
+    assert explain.sponge(engine, piece, 0.1) == much
+
+
+def test_the_first_that_adds_goes_in_front(monkeypatch):
+    found = [contest.Rival(name, SimpleNamespace(name=name), 0.0) for name in "abc"]
+    monkeypatch.setattr(explain, "adds", lambda e, b, c, fit, t: fit.name == "b")
+    taken = explain.admitted(None, None, None, found, 1.0)
+    assert [r.effect for r in taken] == ["b", "a", "c"]
+    monkeypatch.setattr(explain, "adds", lambda *a: False)
+    assert explain.admitted(None, None, None, found, 1.0) == []
+
+
+@pytest.mark.parametrize("planted", ["MullinsSoftening", "SimoDamage"])
+def test_an_effect_takes_the_form_that_suits_it(planted):
+    law = effect("mullins_softening", planted)
+    values = law.defaults() | dict(law.starts(recorded_scales())[0])
+    rng = np.random.default_rng(5)
+    chunks = tuple(Chunk(*programme(p)) for p in ((0.4,), (0.2, 0.4, 0.6), (0.6, 0.6)))
+    clean = simulate(BASE, np.array([1.0, 0.3, 0.2]), [Term(law, values)], chunks)
+    noisy = tuple(s + 1e-3 * rng.standard_normal(len(s)) for s in clean)
+    engine = Engine(
+        Data(("a", "b", "c"), chunks, noisy), [np.full(600, 1e-3)] * 3, [0.0] * 3
+    )
+    forms_ = (effect("mullins_softening"), *effect("mullins_softening").second_forms)
+    (other,) = (x for x in forms_ if x.form != planted)
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    wrong = contest.at_best(engine, contest.Screen(engine, base), other)
+    right = explain.reformed(engine, wrong)
+    assert [p.effect.form for p in right.guess.pieces] == [planted]
+    assert right.chi2 < 1.1 * len(engine.target) < 2 * wrong.chi2
+
+
 def test_an_effect_beside_another_is_what_fits_best_of_its_twins():
     law = effect("strain_dependent_relaxation")
     engine, true = two(law.id, {"growth": -0.8, "curvature": 0.0})
@@ -427,7 +489,7 @@ def test_where_noise_is_left_a_small_effect_must_be_plain(monkeypatch, share, ta
     after = replace(both, chi2=0.99 * n - gain)
     base = replace(one, chi2=one.chi2 + 80 * gain)
     by = {id(one): 0.99 * n, id(after): 0.99 * n - gain}
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, which: by[id(fit)])
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: by[id(fit)])
     assert adds(engine, base, one, after, threshold) == taken
 
 
@@ -494,9 +556,32 @@ def test_a_sensor_is_distorted_by_what_a_sensor_can_do(law, values, kinds):
 
 
 def test_every_way_to_bend_an_effect_is_known():
-    ways = {"strain", "largest", "size", "time", "lag"}
+    ways = {"strain", "largest", "size", "time", "lag", "flow"}
     laws = [f for law in EFFECTS for f in (law, *law.second_forms)]
     assert all(set(law.bends) <= ways for law in laws)
+
+
+@pytest.mark.parametrize(("second", "paces"), [(0.2, (0.5, 5.0)), (0.002, (0.5,))])
+def test_another_law_of_a_branch_flows_at_the_pace_of_the_base(second, paces):
+    law, stiffness = effect("finite_strain"), np.array([1.0, 0.3, second])
+    data = recorded(law.id, law.defaults() | {"amount": 1.0, "section": 1.0})
+    engine = Engine(data, [np.full(600, 1e-3)] * 3, [0.0] * 3)
+    piece = Piece(law, law.defaults() | {"amount": 1.0, "section": 1.0}, ("amount",))
+    guess = Guess(BASE, stiffness, (piece,))
+    found = fit(engine, guess, fixed_base=True, iterations=0)
+    bare, _ = engine.run(Guess(BASE, stiffness), False)
+    able = span(forms.distortions(engine, found, flowing=True))
+    change = found.stress - bare
+    for tau in (0.5, 5.0):
+        late = []
+        for chunk, part in zip(data.chunks, np.split(change, 3), strict=True):
+            share, out = -np.expm1(-chunk.time_s[1] / tau), [part[0]]  # one pole
+            for x in part[1:]:
+                out.append(out[-1] + (x - out[-1]) * share)
+            late.append(out)
+        late = np.concatenate(late)
+        left = np.linalg.norm(late - able @ (able.T @ late)) / np.linalg.norm(late)
+        assert (left < 0.02) == (tau in paces)
 
 
 def test_a_shape_is_freed_only_if_it_pays():
@@ -536,7 +621,7 @@ def test_what_came_in_stays_on_less(monkeypatch):
     base = shifted(one, 11.0 * n)
     one, after = shifted(one, 2.0 * n), shifted(both, 1.55 * n)
     by = {id(one): 2.0 * n, id(after): 1.55 * n}  # a share of 0.45, one of 0.5 needed
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, which: by[id(fit)])
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: by[id(fit)])
     assert not adds(engine, base, one, after, 20.0)
     assert adds(engine, base, one, after, 20.0, explain.STAYS)
 
@@ -559,7 +644,7 @@ def test_two_effects_with_fewer_numbers_than_one_are_taken(monkeypatch, better, 
     n = len(engine.target)
     one, two_ = shifted(one, 1.05 * n), shifted(two_, 1.05 * n - better)
     # In any form the slip would leave nothing, which is held against one law alone.
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, which: 0.9 * n)
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: 0.9 * n)
     assert adds(engine, shifted(one, 2.0 * n), one, two_, 20.0) == taken
 
 
@@ -580,7 +665,7 @@ def test_a_law_in_all_recordings_completes_an_account(
     one = explain.without(engine, both, law)
     n = len(engine.target)
     one, after = shifted(one, (left + gain) * n), shifted(both, left * n)
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, which: 0.95 * n)
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: 0.95 * n)
     assert adds(engine, shifted(one, 12.0 * n), one, after, 20.0) == taken
 
 

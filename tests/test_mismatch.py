@@ -1,6 +1,7 @@
 """Diagnosis end to end: on forged histories, on bad input, through the commands."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -163,6 +164,21 @@ def test_offsets_in_two_recordings_are_told_by_name(tmp_path):
     assert values["offset_MPa of r1"]["value"] == pytest.approx(0.03, abs=0.001)
     assert values["offset_MPa of r4"]["value"] == pytest.approx(-0.02, abs=0.001)
     assert found.result["explanations"][0]["recordings"] == ["r1", "r4"]
+
+
+def test_a_gap_that_all_recordings_have_is_measured_whole(tmp_path):
+    # With a sharp corner, gaps alike in all of them would be the foot of a spring.
+    gaps, chunks = (0.035, 0.05, 0.03, 0.06, 0.045), histories()
+    taut = [
+        replace(c, strain=(np.hypot(c.strain - g, 0.2 * g) + c.strain) / 2 - 0.51 * g)
+        for c, g in zip(chunks, gaps, strict=True)
+    ]
+    stress = simulate(UNITS, STIFFNESS, [], taut)
+    found = diagnose(read_case(write_case(tmp_path / "c", stress=stress))).result
+    assert found["selected"] == ["slack"]
+    told = found["explanations"][0]["parameters"]
+    for i, gap in enumerate(gaps):
+        assert told[f"gap of r{i}"]["value"] == pytest.approx(gap, rel=0.1)
 
 
 def test_scale_between_specimens_is_no_news(tmp_path):

@@ -9,6 +9,8 @@ import numpy as np
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import ramps
 
+FARTHEST = 2.0  # logarithmic elastic strain of a branch: seven times its length
+
 
 class FiniteStrain(Effect):
     r"""Finite strain in the branches of an incompressible material.
@@ -30,13 +32,14 @@ class FiniteStrain(Effect):
 
     stage = "material"
     ports = ("branch_strain", "branches")
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("amount", "-", 0.0, 4.0, 1.0, meaning="0 engineering, 1 Hencky"),
         Parameter("section", "-", 0.0, 3.0, 1.0, meaning="power of the cross-section"),
     )
     off = {"amount": 0.0}
+    bends = (*Effect.bends, "flow")
     amplitude = "amount"
-    shape = ("section",)
+    shape: tuple[str, ...] = ("section",)
     where = "in the viscous part, at large strain"
     twins = {
         "strain_dependent_relaxation": "compression as well as tension",
@@ -62,8 +65,45 @@ class FiniteStrain(Effect):
             None,
         )
 
+    @property
+    def second_forms(self):
+        return (StretchedBranches(),)
+
     def starts(self, scales):
         return [{"amount": 1.0, "section": 1.0}]
 
     def telltale(self):
         return ramps([0, 0.4, 0.4, 0.9, 0.9, 0.4, 0.4, 0], 0.1)
+
+
+class StretchedBranches(FiniteStrain):
+    r"""The same with springs in the branches that are rubber, of elastic stretch e^q.
+
+    .. math:: \sigma_b \to \frac{G}{3\kappa}
+              \left(e^{2\kappa q} - e^{-\kappa q}\right) (1+\varepsilon)^{-\kappa s},
+              \qquad q = \sigma_b / G
+
+    At kappa 1 the springs are neo-Hookean; modulus G in MPa is that of the branches
+    together, as if all had the same elastic stretch. Ogden 1972,
+    doi:10.1098/rspa.1972.0026, of one term; Reese and Govindjee 1998, there as well.
+    """
+
+    parameters = FiniteStrain.parameters + (
+        Parameter("modulus_MPa", "MPa", 1e-6, 1e6, 1.0, "log", "G, of all branches"),
+    )
+    shape = ("section", "modulus_MPa")
+
+    def after(self, p, signal, state):
+        modulus, kappa = p["modulus_MPa"], p["amount"]
+        safe = np.maximum(kappa, 1e-9)
+        q = np.clip(signal.branches / modulus, -FARTHEST, FARTHEST)
+        rubber = (np.expm1(2 * safe * q) - np.expm1(-safe * q)) / (3 * safe)
+        bent = np.where(kappa > 0, modulus * rubber, signal.branches)
+        return super().after(p, replace(signal, branches=bent), state)
+
+    def starts(self, scales):
+        modulus = scales.stress_MPa / scales.strain
+        return [
+            s | {"modulus_MPa": float(np.clip(modulus, 1e-6, 1e6))}
+            for s in super().starts(scales)
+        ]

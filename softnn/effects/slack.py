@@ -81,6 +81,10 @@ class Slack(Effect):
             None,
         )
 
+    @property
+    def second_forms(self):
+        return (Foot(),)
+
     def starts(self, scales):
         return [{"gap": 0.04 * scales.strain, "toe": 0.0}]
 
@@ -113,6 +117,17 @@ class Slack(Effect):
 
     def telltale(self):
         return cycles([0.3, 0.6, 0.6], 0.05)
+
+
+class Foot(Slack):
+    r"""The same, begun from a rounded corner.
+
+    A free spring takes up what all gaps have in common as long as the corner is sharp;
+    only a foot, which is wider where the gap is, tells how wide all of them are.
+    """
+
+    def starts(self, scales):
+        return [{"gap": 0.04 * scales.strain, "toe": 0.3}]
 
 
 def _taken_up(chunk: Chunk, stress: Array, much: float) -> tuple[float, float]:

@@ -24,7 +24,9 @@ class TensionOnly(Effect):
 
     stage = "material"
     ports = ("equilibrium", "branches")
-    parameters = (Parameter("amount", "-", 0.0, 1.0, 1.0, meaning="kappa"),)
+    parameters: tuple[Parameter, ...] = (
+        Parameter("amount", "-", 0.0, 1.0, 1.0, meaning="kappa"),
+    )
     off = {"amount": 0.0}
     amplitude = "amount"
     where = "where the simulation pushes"
@@ -34,9 +36,17 @@ class TensionOnly(Effect):
         "load_cell_saturation": "compression of a short block",
     }
 
+    @property
+    def second_forms(self):
+        return (CrookedStrip(),)
+
+    def kept(self, p, pushed):
+        """Share of a stress of `pushed` MPa in compression that is not lost."""
+        return 1 - p["amount"]
+
     def after(self, p, signal, state):
-        pushed = signal.equilibrium + signal.branches < 0
-        factor = np.where(pushed, 1 - p["amount"], 1.0)
+        stress = signal.equilibrium + signal.branches
+        factor = np.where(stress < 0, self.kept(p, np.maximum(-stress, 0)), 1.0)
         new = replace(
             signal,
             equilibrium=signal.equilibrium * factor,
@@ -49,3 +59,27 @@ class TensionOnly(Effect):
 
     def telltale(self):
         return ramps([0, 0.5, -0.2, 0.5, 0.5, 0, 0], 0.1)
+
+
+class CrookedStrip(TensionOnly):
+    r"""The same for a strip that is not quite straight: it nears its Euler load.
+
+    .. math:: \sigma \to \left(1 - \kappa + \frac{\kappa}{1 + |\sigma| / p}\right)
+              \sigma \quad \text{where} \quad \sigma < 0
+
+    buckling p in MPa: the Euler load over the cross-section. A crooked column follows a
+    hyperbola (Southwell 1932, doi:10.1098/rspa.1932.0055).
+    """
+
+    parameters = TensionOnly.parameters + (
+        Parameter("buckling_MPa", "MPa", 1e-9, 1e6, 0.01, "log", "p, Euler stress"),
+    )
+    shape = ("buckling_MPa",)
+
+    def kept(self, p, pushed):
+        bears = p["buckling_MPa"]
+        return 1 - p["amount"] * pushed / (pushed + bears)
+
+    def starts(self, scales):
+        bears = float(np.clip(0.01 * scales.stress_MPa, 1e-9, 1e6))
+        return [s | {"buckling_MPa": bears} for s in super().starts(scales)]

@@ -18,7 +18,7 @@ from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.forms import beyond, distortions
 from softnn.mismatch.locate import held_only
-from softnn.mismatch.screen import Lead, Screen, null_threshold
+from softnn.mismatch.screen import Lead, Screen, null_threshold, start_pieces
 from softnn.mismatch.strangers import STRANGERS
 from softnn.mismatch.verify import intervals
 
@@ -121,8 +121,8 @@ def rivals(
             )
             for inside in (False, True) if rank < 3 else (False,):
                 better = release(engine, rival.fit, index, inside)
-                if score(better) < score(rival.fit):
-                    rival.fit = better
+                rival.fit = min(rival.fit, better, key=score)
+            rival.fit = min(rival.fit, lifted(engine, rival.fit, index), key=score)
             rival.seconds += time.perf_counter() - clock
         if rival.effect not in out or score(rival.fit) < score(out[rival.effect].fit):
             out[rival.effect] = rival
@@ -199,6 +199,24 @@ def release(
     return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)
 
 
+def lifted(engine: Engine, found: Fit, index: int, iterations: int = 12) -> Fit:
+    """The same with piece `index` in all recordings, and in each by more, as it starts.
+
+    What all recordings have alike of a gap the base takes up, so that the search ends
+    where the least has none; only the shape of the law can tell how large it is.
+    """
+    pieces = list(found.guess.pieces)
+    law, name = pieces[index].effect, pieces[index].effect.amplitude
+    if name not in law.per_recording or law.some or not law.shape:
+        return found
+    start = start_pieces(engine, law)[0]
+    more = np.add(start.values[name], pieces[index].values[name])
+    free = tuple(p.name for p in law.parameters)
+    pieces[index] = replace(start, values=start.values | {name: more}, free=free)
+    guess = replace(found.guess, pieces=tuple(pieces))
+    return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)
+
+
 def simplest(engine: Engine, before: Fit, found: list[Rival]) -> list[Rival]:
     """The rivals with a simpler law first where a richer one is hardly better.
 
@@ -244,7 +262,7 @@ def at_best(
     if index is None:
         return None
     better = release(engine, best, index, False)
-    return min(better, best, key=score)
+    return min(better, best, lifted(engine, best, index), key=score)
 
 
 def strangers(engine: Engine, base: Fit) -> list[Rival]:
@@ -277,9 +295,11 @@ def bent(engine: Engine, found: Fit) -> float:
     return beyond(engine, found, distortions(engine, found))
 
 
-def without_form(engine: Engine, found: Fit, which: set[str]) -> float:
-    """Misfit of a fit that may also distort the effects named."""
-    return beyond(engine, found, distortions(engine, found, which))
+def without_form(
+    engine: Engine, found: Fit, which: set[str], flowing: bool = False
+) -> float:
+    """Misfit of a fit that may also distort the effects named; see `distortions`."""
+    return beyond(engine, found, distortions(engine, found, which, flowing))
 
 
 def formless(engine: Engine, found: Fit, which: set[str]) -> float:

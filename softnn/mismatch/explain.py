@@ -62,6 +62,7 @@ SCATTERED = 9.0  # times the threshold, for one of single recordings that is sma
 PROMISE = 0.3  # of what an effect gains, from which its twins are fitted beside it
 TELLING = 4.0  # of score, by which what is mistaken for an effect must be better
 TIED = 0.97  # of the gain of the best first effect, from which another is as good
+SLIGHT = 0.1  # of the largest error, up to which one counts for nothing beside it
 SPONGY = 6  # first effects tried where the best has values in most recordings
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
 STAYS = 0.75  # of what it takes to come in, from which an effect stays
@@ -205,13 +206,13 @@ def search(
             if not found:
                 break
             current = base.fit
+            found[0] = replace(found[0], fit=reformed(engine, found[0].fit))
         else:
             found, limit = further(engine, current, pool, rng)
             if len(steps) == 1 and not known:
                 found = beam(engine, base.fit, current, first, found, pool, rng)
-            if not found or not adds(
-                engine, base.fit, current, found[0].fit, max(limit, threshold)
-            ):
+            found = admitted(engine, base.fit, current, found, max(limit, threshold))
+            if not found:
                 break
         gain = score(current) - score(found[0].fit)
         steps.append(Step(found, gain, found[0].fit))
@@ -225,6 +226,8 @@ def search(
         current = fit(engine, current.guess, fixed_base=base.fixed, iterations=4)
         steps[-1].fit = current
         base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=4)
+    if len(steps) > 1:
+        current = reformed(engine, current)
     current = backward(engine, base.fit, current, threshold, sure)
     current, beside = twins(engine, current, pool, sure)
     if current.chi2 / len(engine.target) > COARSE:
@@ -334,6 +337,16 @@ def further(
     return simplest(engine, current, ranked), threshold
 
 
+def admitted(
+    engine: Engine, base: Fit, before: Fit, found: list[Rival], threshold: float
+) -> list[Rival]:
+    """The rivals, the first of them that adds to what there is in front; maybe none."""
+    for i, rival in enumerate(found):
+        if adds(engine, base, before, rival.fit, threshold):
+            return [rival, *found[:i], *found[i + 1 :]]
+    return []
+
+
 def adds(
     engine: Engine,
     base: Fit,
@@ -357,14 +370,19 @@ def adds(
         return bool(not loose and after.chi2 - n < LEFT * (before.chi2 - n))
     # A form that is wrong by much is not the form of what is there.
     first = max(base.chi2 - before.chi2, 1.0)
-    left = max(without_form(engine, before, earlier), before.chi2 - DISTORTED * first)
-    gain = left - without_form(engine, after, earlier)
+    any_form = without_form(engine, before, earlier, True)
+    left = max(any_form, before.chi2 - DISTORTED * first)
+    gain = left - without_form(engine, after, earlier, True)
     # Where the laws as they stand come down to the noise, no other form is needed.
     # (Another form of the first would be that other form.)
     kept = {p.effect.form for p in before.guess.pieces}
     own = any(p.effect.per_recording for p in new)
     plain = before.chi2 - after.chi2
-    complete = (
+    # Nor is another form the better account where two as they are leave noise and less
+    # than one does in any form.
+    sure = SCATTERED if own else CLEAR if any_form > n else PLAINLY
+    beats = ease * sure * threshold
+    complete = (after.chi2 < (1 + NOISE) * n and any_form - after.chi2 > beats) or (
         len(earlier) < 2
         and kept <= {p.effect.form for p in after.guess.pieces}
         and (
@@ -388,7 +406,7 @@ def adds(
     price = (len(after.slots) - len(before.slots)) * np.log(n)
     if gain < max(CLEAR * threshold, price) or score(after) > score(before):
         return False
-    if gain < LITTLE * first and any(sponge(engine, p) for p in new):
+    if gain < LITTLE * first and any(sponge(engine, p, SLIGHT) for p in new):
         return False
     if complete:
         return True
@@ -417,14 +435,19 @@ def adds(
     )
 
 
-def sponge(engine: Engine, piece: Piece) -> bool:
+def sponge(engine: Engine, piece: Piece, least: float = 0.0) -> bool:
     """Whether an error of some recordings has a value of its own in most of them.
 
     An error of mounting or zeroing is there in some recordings; what takes a little of
-    all of them makes up for the form of another effect.
+    all of them makes up for the form of another effect. `least`: of the largest value,
+    from which a recording counts.
     """
-    few = piece.effect.some and not piece.nuisance
-    return few and len(piece.groups) > 0.6 * len(engine.chunks)
+    law = piece.effect
+    if not law.some or piece.nuisance or not piece.groups:
+        return False
+    values = np.abs(np.asarray(piece.values[law.amplitude]) - law.off[law.amplitude])
+    many = sum(values[list(g)].max() > least * values.max() for g in piece.groups)
+    return bool(many > 0.6 * len(engine.chunks))
 
 
 def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
@@ -565,6 +588,22 @@ def twins(
         best = tried[0].fit
         beside[tried[0].effect] = tried
     return best, beside
+
+
+def reformed(engine: Engine, found: Fit) -> Fit:
+    """The same effects, each in the one of its forms that suits it best."""
+    for name in names(found):
+        own = {p.effect.form for p in found.guess.pieces if p.effect.id == name}
+        law = effect(name)
+        others = [x for x in (law, *law.second_forms) if x.form not in own]
+        if not others:
+            continue
+        screen = Screen(engine, without(engine, found, name))
+        tried = [at_best(engine, screen, x) for x in others]
+        best = min((x for x in tried if x), key=score, default=found)
+        if score(best) < score(found) - TELLING:
+            found = best
+    return found
 
 
 def without(engine: Engine, found: Fit, name: str) -> Fit:

@@ -25,15 +25,19 @@ LENGTHS = 40  # at which the effect of a pause is worked out
 SWEEPS = 50  # at most, through all pauses
 SETTLED = 0.01  # of the misfit, below which a sweep is the last
 ROUNDS = 4  # at most, of simulating the pauses found
+LITTLE = 0.02  # of the stiffness of all branches, up to which one is none
 CHANGED = 0.05  # of misfit, a sample, from which they are simulated
 LAGS = (3.0, 30.0)  # of the sampling interval, by which a distortion may trail
 FILTER = (1.0, 3.0, 10.0, 30.0)  # the same where a filter is all that it can be
 
 
-def distortions(engine: Engine, found: Fit, which: set[str] | None = None) -> Array:
+def distortions(
+    engine: Engine, found: Fit, which: set[str] | None = None, flowing: bool = False
+) -> Array:
     """Changes of stress (valid, k), MPa, that other forms of the effects could make.
 
-    `which`: ids of the effects meant, by default all but nuisances.
+    `which`: ids of the effects meant, by default all but nuisances. `flowing`: those
+    too by which a branch relaxes at another pace, which can stand for much else.
     """
     columns = [_slopes(engine, found, which)]
     strain, largest = _state(engine)
@@ -62,6 +66,10 @@ def distortions(engine: Engine, found: Fit, which: set[str] | None = None) -> Ar
         if "lag" in by:
             lags = FILTER if by == ("lag",) else LAGS
             bent += [_trailing(d, time, engine.owner, x * interval) for x in lags]
+        if flowing and "flow" in by:
+            paces = _paces(found.guess)
+            shapes = (d, d * np.abs(d) / top)
+            bent += [_trailing(x, time, engine.owner, t) for x in shapes for t in paces]
         if bent:
             columns.append(np.stack(bent, axis=1))
     return np.concatenate(columns, axis=1)
@@ -96,6 +104,15 @@ def _state(engine: Engine) -> tuple[Array, Array]:
         strain.append(chunk.strain / top)
         largest.append(size / top)
     return np.concatenate(strain)[engine.valid], np.concatenate(largest)[engine.valid]
+
+
+def _paces(guess: Guess) -> list[float]:
+    """Relaxation times [s] of the branches that the base has."""
+    stiffness = guess.stiffness[guess.units.segments :]
+    there = stiffness > LITTLE * stiffness.sum()
+    return [
+        t for t, is_it in zip(guess.units.relaxation_times, there, strict=True) if is_it
+    ]
 
 
 def _trailing(x: Array, time: Array, owner: NDArray[np.integer], lag_s: float) -> Array:

@@ -229,24 +229,31 @@ def traces(
     left = clean - off
     if base is not None:
         left = scale * oracle.absorb(base, clean / scale, profile / scale)
-    effects = {}
-    for one in planted:
-        others = [p for p in planted if p is not one]
-        moved = clean - setting.sampled(setting.run(others))
-        energy = oracle.visible_energy(
-            base,
-            off / scale,
-            moved / scale,
-            [p.time_s[p.index] for p in setting.programmes],
-            profile / scale,
-            noise.correlation_s,
+    time_s = [p.time_s[p.index] for p in setting.programmes]
+    does = [
+        clean - setting.sampled(setting.run([p for p in planted if p is not one]))
+        for one in planted
+    ]
+
+    def visible(able: oracle.Refit | None, moved: Array) -> float:
+        return oracle.visible_energy(
+            able, off / scale, moved, time_s, profile / scale, noise.correlation_s
         )
+
+    effects = {}
+    for one, moved in zip(planted, does, strict=True):
+        energy = visible(base, moved / scale)
+        # Beside others whose law nobody tells: what no form of theirs makes up.
+        others = [m / scale for m in does if m is not moved]
+        beside = visible(oracle.bent(base, others, setting.programmes), moved / scale)
         effects[one.effect] = {
             "form": one.form,
             "parameters": one.parameters,
             "share_of_peak": float(np.abs(moved).max()) / peak,
             "energy": energy,
             "oracle_power": oracle.power(energy, degrees(one)),
+            "energy_beside": beside,
+            "power_beside": oracle.power(beside, degrees(one)),
             "acts": where(moved),
         }
     return {

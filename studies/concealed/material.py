@@ -54,14 +54,14 @@ def mullins_softening(c: Context) -> Planted:
 def permanent_set(c: Context) -> Planted:
     """A residual strain of 8-20 % of the largest strain.
 
-    "split": elastic strain is strain less a power of the largest strain; "on return":
-    the same, but first loading is left as it was; "beyond yield": it starts above a
-    strain.
+    "split": elastic strain is strain less a hyperbolic sine of the largest strain; "on
+    return": the same, but first loading is left as it was; "beyond yield": it starts
+    above a strain.
     """
     straight = c.base.name == "linear"
     forms = ["on return"] if straight else ["split", "on return", "beyond yield"]
     form, peak = c.pick(*forms), c.pace.peak
-    size, power = peak * c.amount(0.08, 0.20), c.rng.uniform(1.0, 1.8)
+    size, bend = peak * c.amount(0.08, 0.20), c.rng.uniform(0.5, 2.5)
     start, turn = peak * c.rng.uniform(0.1, 0.3), c.rng.uniform(1.0, 3.0)
     both = bool(c.rng.random() < 0.4)
 
@@ -72,10 +72,10 @@ def permanent_set(c: Context) -> Planted:
             soft = np.logaddexp(0, (m - start) / w) - np.logaddexp(0, -start / w)
             residual = size * w * soft / (peak - start)
         else:
-            residual = size * (m / peak) ** power
+            residual = size * np.sinh(bend * m / peak) / np.sinh(bend)
         if form == "on return":
             ratio = np.divide(h.strain, m, out=np.ones_like(m), where=m > 0)
-            residual = residual * (1 - np.maximum(ratio, 0) ** turn)
+            residual = residual * np.cos(np.pi / 2 * np.clip(ratio, 0, 1)) ** turn
         h.spring_strain = h.spring_strain - residual
         if both:
             h.branch_strain = h.branch_strain - residual
@@ -83,7 +83,7 @@ def permanent_set(c: Context) -> Planted:
     return Planted(
         "permanent_set",
         form,
-        {"size": size, "power": power, "branches_too": both},
+        {"size": size, "bend": bend, "branches_too": both},
         strain=strain,
     )
 
@@ -117,7 +117,7 @@ def friction_hysteresis(c: Context) -> Planted:
 
 def relaxation_branch(c: Context) -> Planted:
     """One more branch, of 30-70 % of the modulus, far from the one there is."""
-    form = c.pick("maxwell", "stretched exponential", "log-normal spectrum")
+    form = c.pick("two times", "stretched exponential", "log-normal spectrum")
     stiffness = c.base.modulus * c.amount(0.30, 0.70)
     there = c.base.branches[0][1]
     # Ten to thirty times slower or quicker, on the side where it can be seen.
@@ -127,8 +127,9 @@ def relaxation_branch(c: Context) -> Planted:
     stretch = c.rng.uniform(0.8, 0.92)
 
     def response(strain: Array) -> Array:
-        if form == "maxwell":
-            return maxwell(strain, time)
+        if form == "two times":
+            close = (time / (1 + spread), time * (1 + spread))
+            return np.sum([maxwell(strain, t) / 2 for t in close], axis=0)
         if form == "log-normal spectrum":
             x = np.linspace(-2, 2, 9)
             weight = np.exp(-(x**2) / 2)
@@ -237,10 +238,10 @@ def finite_strain(c: Context) -> Planted:
     """Branches of finite strain, stress on the current section (blended by strength).
 
     "multiplicative": elastic stretch times viscous stretch, neo-Hookean spring;
-    "seth-hill": a generalised strain measure near the logarithmic one.
+    "bazant": half of what a stretch and its inverse differ by, each to a power.
     """
-    form = c.pick("multiplicative", "seth-hill")
-    m, share = c.rng.uniform(-0.2, 0.1), min(1.0, c.strength)
+    form = c.pick("multiplicative", "bazant")
+    m, share = c.rng.uniform(0.2, 0.8), min(1.0, c.strength)
 
     def parts(h: Signals) -> None:
         stretch = np.maximum(1 + h.branch_strain, 0.2)
@@ -249,7 +250,7 @@ def finite_strain(c: Context) -> Planted:
                 marching.neo_hookean_branch(stretch, k, t) for k, t in c.base.branches
             )
         else:
-            measure = np.expm1(2 * m * np.log(stretch)) / (2 * m)
+            measure = np.sinh(m * np.log(stretch)) / m
             finite = c.base.relaxing(measure)
         h.branches = h.branches + share * (
             np.asarray(finite) / stretch - c.base.relaxing(h.branch_strain)
@@ -299,20 +300,21 @@ def cyclic_softening(c: Context) -> Planted:
 
 def tension_only(c: Context) -> Planted:
     """The strip buckles: in compression a small plateau is all it bears."""
-    form = c.pick("plateau", "bent stiffness")
-    bent = c.rng.uniform(0.0, 0.04)
+    form = c.pick("plateau", "elastica")
     bears, share = c.peak * c.rng.uniform(0.002, 0.008), min(1.0, c.strength)
 
     def stress(h: Signals, s: Array) -> Array:
         if form == "plateau":
             kept = np.where(s < 0, bears * np.expm1(np.minimum(s, 0) / bears), s)
         else:
-            kept = np.where(s < 0, bent * s, s)
+            # Bent further, a strip bears a little more: ever less for the same push.
+            first = bears / 8
+            kept = np.where(s < 0, -first * np.log1p(-np.minimum(s, 0) / first), s)
         return s + share * (kept - s)
 
     return Planted(
         "tension_only",
         form,
-        {"bears_MPa": bears, "bent": bent, "share": share},
+        {"bears_MPa": bears, "share": share},
         stress=stress,
     )

@@ -10,7 +10,7 @@ of a diagnosis.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -23,6 +23,7 @@ SEGMENTS = 16
 TIMES_S = np.geomspace(0.05, 600.0, 22)
 FINE_TIMES_S = np.geomspace(0.05, 600.0, 70)  # where a model has one branch only
 FALSE_ALARM = 0.01
+LATE = (1, 3, 10, 30)  # samples, by which another law may trail
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,38 @@ def whiten(rows: Array, time_s: Sequence[Array], correlation_s: float) -> Array:
         keep = np.exp(-np.diff(time) / correlation_s)[:, np.newaxis]
         out += [part[:1], (part[1:] - keep * part[:-1]) / np.sqrt(1 - keep**2)]
     return np.concatenate(out)
+
+
+def bent(
+    base: Refit | None, others: Sequence[Array], programmes: Sequence[Imposed]
+) -> Refit | None:
+    """The base, able to move as well whatever other laws of effects could do.
+
+    `others` (n,) each: what an effect does to the stress. Laws are told apart by how
+    that is bent by strain, largest strain so far, its own size and time, and by a lag.
+    """
+    if not others:
+        return base
+    strain = np.concatenate([p.strain[p.index] for p in programmes])
+    largest = np.concatenate(
+        [np.maximum.accumulate(np.abs(p.strain))[p.index] for p in programmes]
+    )
+    time = np.concatenate([p.time_s[p.index] for p in programmes])
+    ends = np.cumsum([len(p.index) for p in programmes])[:-1]
+    columns = []
+    for moved in others:
+        own = moved / max(float(np.abs(moved).max()), 1e-300)
+        bends = (strain, strain**2, largest, strain * largest, own, abs(own), own**2)
+        columns += [moved, *(moved * x for x in (*bends, time, time**2))]
+        for samples in LATE:
+            parts = [
+                np.r_[[p[0]] * samples, p[:-samples]] for p in np.split(moved, ends)
+            ]
+            columns.append(np.concatenate(parts))
+    extra = np.column_stack(columns)
+    if base is None:
+        return Refit(extra, np.zeros((len(extra), 0)), False)
+    return replace(base, springs=np.column_stack([base.springs, extra]))
 
 
 def power(energy: float, parameters: int) -> float:

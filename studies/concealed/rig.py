@@ -10,7 +10,7 @@ from studies.concealed.programmes import STEP_S, Array, Imposed
 
 def slack(c: Context) -> Planted:
     """Take-up of 2-8 % of the largest strain; the strip straightens gradually."""
-    form = c.pick("crimped", "knee")
+    form = c.pick("crimped", "curled")
     gaps = [c.pace.peak * c.amount(0.02, 0.08) for _ in c.programmes]
     width = c.rng.uniform(0.08, 0.15)
 
@@ -19,9 +19,9 @@ def slack(c: Context) -> Planted:
         if form == "crimped":  # fibres of scattered length come taut one by one
             w = width * gap
             return w * (np.logaddexp(0, (strain - gap) / w) - np.logaddexp(0, -gap / w))
-        w = 4 * width * gap
-        x = np.clip(strain - gap + w / 2, 0, None)
-        return np.where(x < w, x**2 / (2 * w), x - w / 2)
+        # A curled strip bends open as it is pulled: a hyperbola.
+        w = 2 * width * gap
+        return (np.hypot(strain - gap, w) + strain - np.hypot(gap, w)) / 2
 
     return Planted("slack", form, {"gap": gaps, "width": width}, rig=rig)
 

@@ -18,6 +18,7 @@ import pandas as pd
 from studies.concealed.orders import NAMES
 
 ACCEPTED = 0.05  # NRMSE of the base alone up to which a fit is accepted by eye
+NOISE = 1.01  # times the noise, up to which nothing is left to tell anything by
 CONFIDENT = 0.5  # a name given this probability or more is asserted
 AND_MORE, SEVERAL = "it and more", "several"
 VERDICTS = ("nothing_missing", "undetermined", "unexplained", "no diagnosis")
@@ -182,6 +183,14 @@ def heldout_over_floor(
     return None if after is None else float(after) / float(answer["noise_nrmse"])
 
 
+def after_over_noise(
+    answer: Mapping[str, Any], diagnosis: Mapping[str, Any]
+) -> float | None:
+    """Error of the corrected model on the recordings over that of the noise alone."""
+    after = diagnosis.get("fit", {}).get("after", {}).get("nrmse")
+    return None if after is None else float(after) / float(answer["noise_nrmse"])
+
+
 def base_nrmse(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> float:
     """NRMSE of the base with nothing added: what a practitioner looks at.
 
@@ -268,6 +277,8 @@ def score(
                 "oracle": min(
                     [p["oracle_power"] for p in answer["planted"].values()], default=1.0
                 ),
+                "beside": {e: p["power_beside"] for e, p in answer["planted"].items()},
+                "over_noise": after_over_noise(answer, d),
                 "f1": region_f1(answer, d, times),
                 "f1_left": region_f1(answer, d, times, "left"),
                 "heldout": heldout_over_floor(answer, d),
@@ -358,12 +369,16 @@ def miss(row: Mapping[str, Any]) -> dict[str, Any]:
             cause = "nothing named, but nothing_missing not said"
     elif row["group"] == "unlisted":
         cause = "confident name for something on no list"
+        if row["over_noise"] < NOISE:
+            cause = "on no list, but what was named leaves no more than noise"
     elif row["oracle"] < 0.8:
         cause = "not visible in these recordings, the oracle's power is below 0.8"
     elif truth < selected:
         cause = "right, and more"
     elif truth <= selected | set(row["equivalent"]):
         cause = "listed as equivalent to what was named"
+    elif selected & truth and max(row["beside"][e] for e in truth - selected) < 0.8:
+        cause = "one of two, in whose forms the other is lost, says the oracle"
     elif selected & truth:
         cause = "one of two found"
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter
+from scipy.signal import bessel, lfilter, sosfilt, sosfilt_zi
 
 from studies.concealed.planting import Context, Planted
 from studies.concealed.programmes import STEP_S, Array, Imposed
@@ -53,16 +53,20 @@ def acceleration(strain: Array) -> Array:
 
 def sensor_lag(c: Context) -> Planted:
     """The stress channel trails by 0.12-0.4 s in the mean."""
-    form = c.pick("two poles", "running mean", "four poles")
+    form = c.pick("bessel", "running mean", "four poles")
     lag = c.amount(0.12, 0.4)
 
     def sensor(i: int, programme: Imposed, stress: Array) -> Array:
         if form == "running mean":
             n = max(1, round(2 * lag / STEP_S))
             return uniform_filter1d(stress, n, mode="nearest", origin=(n - 1) // 2)
-        poles = 2 if form == "two poles" else 4
-        for _ in range(poles):
-            stress = low_pass(stress, lag / poles)
+        if form == "bessel":  # an amplifier's, of third order
+            corner_Hz = 1 / (2 * np.pi * lag)
+            parts = bessel(3, corner_Hz, norm="delay", output="sos", fs=1 / STEP_S)
+            settled = sosfilt_zi(parts) * stress[0]
+            return np.asarray(sosfilt(parts, stress, zi=settled)[0])
+        for _ in range(4):
+            stress = low_pass(stress, lag / 4)
         return stress
 
     return Planted("sensor_lag", form, {"lag_s": lag}, sensor=sensor)
@@ -125,16 +129,17 @@ def load_cell_saturation(c: Context) -> Planted:
 
     At another strength the part cut off is scaled: half of it, half the cut.
     """
-    form = c.pick("knee", "settling")
+    form = c.pick("soft least", "settling")
     limit = c.peak * (1 - c.amount(0.15, 0.30))
     sharpness = c.rng.uniform(30, 80) / c.strength
 
     def sensor(i: int, programme: Imposed, stress: Array) -> Array:
         x = np.abs(stress) / limit
-        if form == "knee":
-            kept = np.exp(-np.logaddexp(0, sharpness * np.log(x + 1e-300)) / sharpness)
+        w = 1 / sharpness
+        if form == "soft least":  # the lesser of signal and limit, rounded
+            cut = np.logaddexp(0, (x - 1) / w) - np.logaddexp(0, -1 / w)
+            kept = 1 - w * cut / (x + 1e-300)
         else:
-            w = 1 / sharpness
             over = np.maximum(x - 1 + w, 0)
             kept = np.where(
                 over > 0, (1 - w - w * np.expm1(-over / w)) / (x + 1e-300), 1
