@@ -347,6 +347,23 @@ def beaten(wins: Sequence[Mapping[str, Any]], heads: Mapping[str, str]) -> str:
     return "Better than softnn: " + "; ".join(parts) + "."
 
 
+def bases(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """What comes out with each base: median errors on unseen recordings; which code."""
+    keys = ("unseen_nrmse_before_median", "unseen_nrmse_after_median")
+    rows = [
+        [
+            name,
+            f"{one['groups_in_agreement']} of {one['groups_judged']}",
+            f"{one['bars_met']} of {one['bars']}",
+            *(None if one[k] is None else percent(one[k]) for k in keys),
+            ", ".join(one["code"]),
+        ]
+        for name, one in found.items()
+    ]
+    heads = ["base", "as the literature", "bars met", "base alone", "corrected"]
+    return markdown([*heads, "hash of softnn's code"], rows)
+
+
 def recordings(page: Page, found: Result) -> None:
     """Predictions of what was not used, against the literature; and made faults."""
     head = found["headline"]
@@ -362,6 +379,8 @@ def recordings(page: Page, found: Result) -> None:
         f"first loading alone, is missed by {medians[0] or '-'} by the base and by "
         f"{medians[1] or '-'} with what was named (medians)."
     )
+    if len(found.get("bases", {})) > 1:
+        page.say("Each base leaves other physics out:", bases(found["bases"]))
     rows = []
     for r in found["rows"]:
         if r["kind"] != "split" or r["base"] != BASE or not r["unseen"]:

@@ -6,6 +6,7 @@ faulty strain, must give the faulty stress.
 
 import json
 import os
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from softnn.mismatch.model_file import to_dict
 from softnn.models.units import Units
 from softnn.readers.tidy import data_folder
 from softnn.simulate import Term, simulate
-from studies.recordings import faults, groups, predict, sets, trial
+from studies.recordings import faults, groups, predict, reporting, sets, trial
 from studies.recordings.reporting import Row, agreement, fault_scores, met, wilson
 
 SPRING = Units("hooke", (0.0, 1.0))
@@ -261,6 +262,29 @@ def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     rows = (tmp_path / "mlruns/smoke/recordings/rows.jsonl").read_text().splitlines()
     assert len(rows) == 5
     assert "5 diagnoses, 0 of them at hand" in capsys.readouterr().out
+
+
+def test_other_bases_and_faults_stay_with_the_code_they_ran_on(tmp_path):
+    here = groups.Group("soft", "a", (triangle(),), False, sets.Material(), ())
+    rows = [
+        Row("soft", "a", "all", base, heldout=[0.2, 0.1], code=code)
+        for base, code in (("hooke", "old"), ("pl-wiechert", "old"))
+    ]
+    rows.append(Row("soft", "gone", "all", "hooke"))
+    file = tmp_path / "recordings.json"
+    told = [{**asdict(r), "agrees": None, "missed": []} for r in rows]
+    faults_ = {"found": {"rate": 0.5, "of": 2}}
+    file.write_text(json.dumps({"rows": told, "faults": faults_}), encoding="utf-8")
+    before = reporting.kept(file, ["pl-wiechert"], [here])
+    assert before == {"rows": rows[:1], "faults": faults_}
+    assert reporting.kept(tmp_path / "none.json", [], [here])["rows"] == []
+    new = Row("soft", "a", "all", "pl-wiechert", heldout=[0.2, 0.1], code="new")
+    by = reporting.by_base([new, *before["rows"]], {("soft", "a"): here.material})
+    assert {b: one["code"] for b, one in by.items()} == {
+        "pl-wiechert": ["new"],
+        "hooke": ["old"],
+    }
+    assert by["hooke"]["groups"] == 1
 
 
 def test_without_recordings_it_says_so(tmp_path, monkeypatch, capsys):

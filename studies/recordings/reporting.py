@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import softnn
 from studies.common import (
     COLOURS,
     RUNS,
@@ -26,6 +28,9 @@ from studies.recordings.sets import Material
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+MAIN = "pl-wiechert"  # the base that bars and faults are about
 
 
 @dataclass
@@ -52,6 +57,7 @@ class Row:
     unseen: dict[str, Any] = field(default_factory=dict)
     error: str = ""
     seconds: float = 0.0
+    code: str = ""  # of which softnn: see `version`
 
     def take(self, result: Mapping[str, Any]) -> None:
         """What a diagnosis.json says, names of single recordings left out."""
@@ -81,6 +87,26 @@ class Row:
             f"{names}; {percent(errors['before'])} -> {percent(errors['after'])} "
             f"({self.seconds:.0f} s)"
         )
+
+
+def version() -> str:
+    """A short hash of the code of softnn, which a diagnosis depends on."""
+    return fingerprint("", files=Path(softnn.__file__).parent.rglob("*.py"))
+
+
+def kept(file: Path, bases: Sequence[str], groups: Sequence[Group]) -> dict[str, Any]:
+    """Rows of other bases than `bases` and made faults in an earlier result."""
+    if not file.exists():
+        return {"rows": [], "faults": None}
+    told = json.loads(file.read_text(encoding="utf-8"))
+    names = {f.name for f in fields(Row)}
+    here = {(g.set, g.name) for g in groups}
+    rows = [
+        Row(**{k: v for k, v in r.items() if k in names})
+        for r in told["rows"]
+        if r["base"] not in bases and (r["set"], r["group"]) in here
+    ]
+    return {"rows": rows, "faults": told["faults"]}
 
 
 def agreement(row: Row, material: Material) -> dict[str, Any]:
@@ -139,6 +165,7 @@ def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
         if (mine := [t for t in counted if t["fault"] == name])
     }
     return {
+        "code": sorted({r.code for r in rows}),
         "found": wilson(sum(t["found"] for t in counted), len(counted)),
         "with_a_false_name": wilson(
             sum(bool(t["false"]) for t in counted), len(counted)
@@ -174,9 +201,17 @@ def report(
 ) -> None:
     """Print, write and track what came out."""
     material = {(g.set, g.name): g.material for g in groups}
+    partial = bool(a.sets or a.groups or a.only_faults)
+    home = RUNS / "smoke" if a.smoke else RUNS
+    folder = a.out or (home / "results" if partial else results_folder(a.smoke))
     untouched = [r for r in rows if r.kind != "fault"]
     copies = [r for r in rows if r.kind == "fault"]
     faults = fault_scores(copies) if copies else None
+    if not partial and not a.smoke:
+        before = kept(folder / "recordings.json", a.bases, groups)
+        untouched += before["rows"]
+        faults = faults or before["faults"]
+        main = MAIN if any(r.base == MAIN for r in untouched) else main
     note = "\n\n".join(tables(untouched, material, faults, main))
     print(note)
     head = headline(untouched, material, faults, main)
@@ -192,11 +227,9 @@ def report(
              "bars_met": met(r, material[r.set, r.group])}
             for r in untouched
         ],
+        "bases": by_base(untouched, material),
         "faults": faults,
     }  # fmt: skip
-    partial = bool(a.sets or a.groups or a.only_faults)
-    home = RUNS / "smoke" if a.smoke else RUNS
-    folder = a.out or (home / "results" if partial else results_folder(a.smoke))
     path = write_result(
         "recordings", head, body, seed=a.seed, data={"all": digest}, folder=folder
     )
@@ -235,6 +268,19 @@ def headline(
         out["faults_found"] = faults["found"]["rate"]
         out["faults_with_a_false_name"] = faults["with_a_false_name"]["rate"]
     return out
+
+
+def by_base(
+    rows: Sequence[Row], material: Mapping[tuple[str, str], Material]
+) -> dict[str, dict[str, Any]]:
+    """`headline` of each base, and of which code of softnn its rows are."""
+    return {
+        base: {
+            **headline(rows, material, None, base),
+            "code": sorted({r.code for r in rows if r.base == base}),
+        }
+        for base in dict.fromkeys(r.base for r in rows)
+    }
 
 
 def tables(

@@ -34,12 +34,11 @@ from studies.recordings.groups import (
     first_turn,
 )
 from studies.recordings.predict import misses, summary, usable
-from studies.recordings.reporting import Row, report
+from studies.recordings.reporting import MAIN, Row, report, version
 from studies.recordings.store import Store
 from studies.recordings.virtual import made_up
 
 DEFAULT_BASES = ("hooke", "sls", "pl-wiechert")
-MAIN = "pl-wiechert"  # the base that bars and faults are about
 
 
 @dataclass(frozen=True)
@@ -195,7 +194,7 @@ def work(task: Task) -> Row:
             row.error = str(error)
             if task.split >= 0:
                 row.label = task.group.splits[task.split].label
-    row.seconds = time.perf_counter() - clock
+    row.seconds, row.code = time.perf_counter() - clock, version()
     return row
 
 
