@@ -17,7 +17,7 @@ from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import diagnose, diagnosis, explain, read_case, verify
 from softnn.mismatch.case import mask_gaps, thin, to_data
-from softnn.mismatch.contest import Rival, candidates
+from softnn.mismatch.contest import Rival, candidates, names
 from softnn.mismatch.diagnosis import _probability, worse
 from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
 from softnn.mismatch.model_file import from_dict, read_model, to_dict
@@ -135,10 +135,18 @@ def test_first_loading_alone_does_not_tell_what_is_missing(tmp_path):
 
 
 @pytest.mark.slow
-def test_two_effects_are_both_named(tmp_path):
+def test_two_effects_are_both_named(tmp_path, monkeypatch):
     lag = Term(effect("sensor_lag"), {"time_constant_s": 0.3, "second": 0.0})
+    tried, reformed = [], explain.reformed
+    monkeypatch.setattr(
+        explain,
+        "reformed",
+        lambda e, fit: tried.append(len(names(fit))) or reformed(e, fit),
+    )
     found = diagnose(read_case(write_case(tmp_path / "pair", [mullins(), lag])))
     assert sorted(found.result["selected"]) == ["mullins_softening", "sensor_lag"]
+    # In whichever form suits best, before one is added to, and before any goes.
+    assert tried == [1, 2]
 
 
 def test_what_is_on_no_list_is_named_after_nothing_on_it(tmp_path):
