@@ -67,8 +67,9 @@ class CrookedStrip(TensionOnly):
     .. math:: \sigma \to \left(1 - \kappa + \frac{\kappa}{1 + |\sigma| / p}\right)
               \sigma \quad \text{where} \quad \sigma < 0
 
-    buckling p in MPa: the Euler load over the cross-section. A crooked column follows a
-    hyperbola (Southwell 1932, doi:10.1098/rspa.1932.0055).
+    buckling p in MPa: the Euler load over the cross-section. Sideways a crooked column
+    follows a hyperbola (Southwell 1932, *Proc. R. Soc. A* 135, 601); taken here for the
+    way it is pushed.
     """
 
     parameters = TensionOnly.parameters + (
