@@ -12,6 +12,7 @@ from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, span
 from softnn.mismatch import contest, explain, forms
 from softnn.mismatch.contest import names, rivals, turn
+from softnn.mismatch.diagnosis import _probability
 from softnn.mismatch.explain import adds
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
@@ -339,7 +340,7 @@ def test_what_completes_an_account_is_added_though_a_form_could_do_it(
     assert adds(engine, base, one, both, 20.0) == completes
 
 
-@pytest.mark.parametrize(("ahead", "taken"), [(20.0, False), (40.0, True)])
+@pytest.mark.parametrize(("ahead", "taken"), [(70.0, False), (90.0, True)])
 def test_two_as_they_are_that_beat_one_in_any_form_are_both_there(
     monkeypatch, ahead, taken
 ):
@@ -347,7 +348,8 @@ def test_two_as_they_are_that_beat_one_in_any_form_are_both_there(
     one = explain.without(engine, both, "permanent_set")
     base = fit(engine, Guess(BASE, np.ones(3)))
     monkeypatch.setattr(explain, "COMPLETE", -1.0)
-    # 1.5 thresholds of 20 ahead of the best form of one, none of which helps two.
+    monkeypatch.setattr(explain, "BESIDE", 0.0)
+    # Four thresholds of 20 ahead of the best form of one, none of which helps two.
     monkeypatch.setattr(explain, "without_form", lambda *a: both.chi2 + ahead)
     assert adds(engine, base, one, both, 20.0) == taken
     # Not where much is left: then it is some other form, or something else.
@@ -364,6 +366,7 @@ def test_values_of_single_recordings_must_beat_any_form_by_more(
     one = explain.without(engine, both, "zero_offset")
     base = fit(engine, Guess(BASE, np.ones(3)))
     monkeypatch.setattr(explain, "COMPLETE", -1.0)
+    monkeypatch.setattr(explain, "BESIDE", 0.0)
     monkeypatch.setattr(explain, "without_form", lambda *a: both.chi2 + ahead)
     # Nine thresholds of 20.
     assert adds(engine, base, one, both, 20.0) == taken
@@ -753,3 +756,190 @@ def test_to_stay_takes_less_than_to_come_in(monkeypatch):
     explain.backward(engine, both, both, 20.0, set())
     assert asked == [(explain.STAYS,)] * 2
     assert 0 < explain.STAYS < 1
+
+
+@pytest.mark.parametrize(
+    ("law", "name", "value", "at_end"),
+    [
+        ("finite_strain", "section", 0.02, True),
+        ("finite_strain", "section", 2.95, True),
+        ("finite_strain", "section", 0.4, False),
+        ("friction_hysteresis", "growth", -0.98, True),
+        ("friction_hysteresis", "growth", -0.5, False),
+        ("friction_hysteresis", "spread", 0.0505, True),  # of a logarithmic range
+        # What is usual is no end, be it where the range begins.
+        ("permanent_set", "buckling", 0.0, False),
+        ("permanent_set", "ratio", 0.95, False),  # how much of it, not how it goes
+    ],
+)
+def test_a_shape_ends_where_it_cannot_go_further(law, name, value, at_end):
+    one = effect(law)
+    free = tuple(p.name for p in one.parameters)
+    piece = Piece(one, one.defaults() | {name: value}, free)
+    assert contest.ended(piece) == at_end
+    assert not contest.ended(replace(piece, free=(one.amplitude,)))
+
+
+def rival(law, slots, points, **values):
+    """A rival that leaves `points` of score; numbers do not matter to it."""
+    one = effect(law)
+    free = tuple(p.name for p in one.parameters)
+    groups = ((0,), (1,)) if one.per_recording else ()
+    piece = Piece(one, one.defaults() | values, free, groups)
+    found = SimpleNamespace(
+        guess=Guess(BASE, np.ones(3), (piece,)),
+        slots=[None] * slots,
+        chi2=1000.0 * np.exp(points / 1000),
+        residual=np.zeros(1000),
+        parameters=0,
+    )
+    return contest.Rival(law, found, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("best", "other", "behind", "first"),
+    [
+        # Of two that gain a thousand, the one with fewer numbers, up to ten behind.
+        (("permanent_set", 5), ("tension_only", 2), 8, "tension_only"),
+        (("permanent_set", 5), ("tension_only", 2), 12, "permanent_set"),
+        (("permanent_set", 5), ("tension_only", 5), 1, "permanent_set"),
+        # A law for all recordings, up to twenty behind one with its own in each.
+        (("grip_slip", 4), ("permanent_set", 5), 18, "permanent_set"),
+        (("grip_slip", 4), ("permanent_set", 5), 22, "grip_slip"),
+        (("permanent_set", 5), ("grip_slip", 4), 1, "permanent_set"),
+        # One that stays within what it can be, beside one that does not.
+        (
+            ("finite_strain", 2, 3.0),
+            ("friction_hysteresis", 2),
+            8,
+            "friction_hysteresis",
+        ),
+        (("finite_strain", 2, 3.0), ("friction_hysteresis", 2), 12, "finite_strain"),
+        (
+            ("friction_hysteresis", 4),
+            ("finite_strain", 2, 3.0),
+            1,
+            "friction_hysteresis",
+        ),
+    ],
+)
+def test_the_simpler_of_two_as_good_goes_first(best, other, behind, first):
+    def made(law, slots, section=None, points=0.0):
+        values = {} if section is None else {"section": section}
+        return rival(law, slots, points, **values)
+
+    before = SimpleNamespace(chi2=1000 * np.e, residual=np.zeros(1000), parameters=0)
+    two_ = [made(*best), made(*other, points=behind)]
+    assert contest.simplest(None, before, two_)[0].effect == first
+
+
+def test_what_goes_first_as_the_simpler_counts_as_the_best():
+    one, other = rival("slack", 2, 30.0), rival("grip_slip", 4, 0.0)
+    engine = SimpleNamespace(chunks=[0] * 9)
+    found = account_of(one, engine)
+    piece = one.fit.guess.pieces[0]
+    assert _probability(found, [one, other], piece) == pytest.approx(0.5, abs=1e-3)
+    assert _probability(found, [other, one], piece) == 1.0  # came in by exchange
+
+
+def account_of(best, engine):
+    return SimpleNamespace(
+        final=best.fit,
+        base=SimpleNamespace(engine=engine),
+        selected=[best.effect],
+        left=0.01,
+        excess_before=10.0,
+        excess_after=0.01,
+        excess_bent=0.005,
+        line=0.0,
+        odds_of_strangers=0.0,
+        noise=[SimpleNamespace(correlation=0.0)],
+    )
+
+
+def test_one_alone_is_also_what_fits_best_of_its_twins():
+    law, finite = effect("strain_dependent_relaxation"), effect("finite_strain")
+    engine = Engine(
+        recorded(law.id, {"growth": -0.8, "curvature": 0.0}),
+        [np.full(600, 1e-3)] * 3,
+        [0.0] * 3,
+    )
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    wrong = contest.at_best(engine, contest.Screen(engine, base), finite)
+    best, beside = explain.twins(engine, wrong, [law, finite], set())
+    assert names(best) == [law.id]
+    assert [r.effect for r in beside[law.id]] == [law.id, "finite_strain"]
+    # Where it stays as it is, its rivals are all that were tried.
+    assert explain.twins(engine, best, [law, finite], set())[1] == {}
+
+
+def test_where_no_form_comes_near_none_is_exchanged(softened):
+    engine, values = softened
+    found = fitted(engine, "mullins_softening", values)
+    engine.body = True
+    assert explain.reformed(engine, found) is found
+
+
+def test_a_form_that_the_score_test_misses_is_tried(monkeypatch):
+    law = effect("mullins_softening")
+    data = recorded(law.id, law.defaults() | dict(law.starts(recorded_scales())[0]))
+    engine = Engine(data, [np.full(600, 1e-3)] * 3, [0.0] * 3)
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    lead = contest.Screen.lead
+
+    def dim(self, one, entry):
+        leads, atoms = lead(self, one, entry)
+        weak = 0.01 if one.form == law.form else 1.0
+        return [replace(x, gain=weak * x.gain) for x in leads], atoms
+
+    monkeypatch.setattr(contest.Screen, "lead", dim)
+    best = rivals(engine, base, [law], np.random.default_rng(0))[0][0]
+    assert [p.effect.form for p in best.fit.guess.pieces] == [law.form]
+
+
+@pytest.mark.parametrize(
+    ("section", "gain", "taken"),
+    [(3.0, 0.03, False), (3.0, 0.1, True), (1.5, 0.03, True)],
+)
+def test_a_lookalike_at_its_end_is_a_form_of_what_is_there(
+    monkeypatch, section, gain, taken
+):
+    engine, one, both = three_recordings_of_two(section)
+    n = len(engine.target)
+    one, after = shifted(one, 1.6 * n), shifted(both, (1.6 - 20 * gain) * n)
+    base = shifted(one, 21.6 * n)
+    # Forms take up nothing, so that this alone decides.
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: fit.chi2)
+    monkeypatch.setattr(explain, "score", lambda fit: fit.chi2)
+    assert adds(engine, base, one, after, 20.0) == taken
+
+
+def three_recordings_of_two(section):
+    """Engine, a fit with strain-dependent relaxation, one with finite strain too."""
+    law, finite = effect("strain_dependent_relaxation"), effect("finite_strain")
+    data = recorded(law.id, {"growth": -0.8, "curvature": 0.0})
+    engine = Engine(data, [np.full(600, 1e-3)] * 3, [0.0] * 3)
+    pieces = (
+        Piece(finite, {"amount": 0.3, "section": section}, ("amount", "section")),
+        Piece(law, {"growth": -0.8, "curvature": 0.0}, ("growth",)),
+    )
+    guess = Guess(BASE, np.ones(3), pieces)
+    both = fit(engine, guess, iterations=0)
+    return engine, explain.without(engine, both, finite.id), both
+
+
+@pytest.mark.parametrize(("gained", "taken"), [(2e4, True), (4e5, False)])
+def test_two_that_beat_any_form_of_one_by_next_to_nothing_are_one(
+    monkeypatch, gained, taken
+):
+    engine, both = two("permanent_set", {"ratio": 0.05})
+    one = explain.without(engine, both, "permanent_set")
+    n, threshold, ahead = len(engine.target), 20.0, 100.0
+    one, after = shifted(one, 1.2 * n), shifted(both, 1.0 * n)
+    base = shifted(one, one.chi2 + gained)
+    # In any form the first leaves a little, and beside the second nothing less.
+    by = {id(one): n + ahead, id(after): n + ahead - 35.0}
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: by[id(fit)])
+    monkeypatch.setattr(explain, "COMPLETE", -1.0)
+    monkeypatch.setattr(explain, "TOLD", (np.inf, np.inf))
+    assert adds(engine, base, one, after, threshold) == taken

@@ -24,7 +24,9 @@ class PermanentSet(Effect):
     1 - (strain / largest)^(1/r). On first loading the set is part of the curve and
     cannot be seen; on reloading the curve is shifted. `buckling` b is the share lost of
     a stress of the other sign at strains within the set: a strip that has grown longer
-    hangs slack, a shortened block lies loose, while its viscous strain recovers.
+    hangs slack, a shortened block lies loose, while its viscous strain recovers. Of
+    the set the branches feel the share v: all where the specimen has another length,
+    none where the network that bears for good has set.
     Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
 
     Mistaken for slack (which does not grow), for a zero offset and for slow relaxation
@@ -40,10 +42,17 @@ class PermanentSet(Effect):
         Parameter("yield_strain", "-", 0.0, 2.0, 0.0, meaning="where the set begins"),
         Parameter("on_return", "-", 0.0, 3.0, 0.0, meaning="r, how late it shows"),
         Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="b, loss when slack"),
+        Parameter("viscous_share", "-", 0.0, 1.0, 1.0, meaning="v, of the branches"),
     )
     off: Mapping[str, float] = {"ratio": 0.0}
     amplitude = "ratio"
-    shape: tuple[str, ...] = ("exponent", "yield_strain", "on_return", "buckling")
+    shape: tuple[str, ...] = (
+        "exponent",
+        "yield_strain",
+        "on_return",
+        "buckling",
+        "viscous_share",
+    )
     where = "on unloading and reloading, near zero stress"
     twins = {
         "slack": "cycles to growing strain: a set grows with them, slack does not",
@@ -73,7 +82,7 @@ class PermanentSet(Effect):
         new = replace(
             signal,
             strain=strain - shift,
-            branch_strain=signal.branch_strain - shift,
+            branch_strain=signal.branch_strain - p["viscous_share"] * shift,
         )
         return new, (above[-1:], below[-1:])
 
@@ -103,8 +112,16 @@ class PermanentSet(Effect):
                 "yield_strain": 0.0,
                 "on_return": r,
                 "buckling": b,
+                "viscous_share": v,
             }
-            for p, r, b in ((1, 0, 0), (2, 0, 0), (1, 0.1, 1), (1, 1, 0))
+            for p, r, b, v in (
+                (1, 0, 0, 1),
+                (2, 0, 0, 1),
+                (1, 0.1, 1, 1),
+                (1, 1, 0, 1),
+                (1, 0, 0, 0),
+                (1, 1, 0, 0),
+            )
         ]
 
     def telltale(self):

@@ -24,6 +24,9 @@ from softnn.mismatch.verify import intervals
 
 ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
 NEAR = 0.8  # of the gain of a richer law, from which a simpler one may stand for it
+CLOSE = 0.01  # of the gain of a law: no form is true, and by so much it may be ahead
+ALIKE = 0.02  # the same where it has values of its own, and a law for all has none
+END = 0.05  # of the way from what is usual to the end of a range, left at that end
 
 # What a base has of its own, so that it cannot be missing from it.
 INCLUDED = {
@@ -97,12 +100,14 @@ def rivals(
         return [], threshold
     top = passed[0][1].gain
     found: list[Rival] = []
-    tried: dict[str, int] = {}
+    tried: set[str] = set()
     for key, lead in passed:
         name = key.split("/")[0]
-        if lead.gain < 0.05 * top or (name not in tried and len(tried) >= most):
+        # A form may be far from its start, where a score test sees little of it.
+        weak = name not in tried and lead.gain < 0.05 * top
+        if weak or (name not in tried and len(tried) >= most):
             continue
-        tried[name] = tried.get(name, 0) + 1
+        tried.add(name)
         clock = time.perf_counter()
         trial = refine(engine, base, lead.piece, 6)
         found.append(Rival(name, trial, time.perf_counter() - clock))
@@ -227,22 +232,57 @@ def simplest(engine: Engine, before: Fit, found: list[Rival]) -> list[Rival]:
     if not found:
         return found
     best = found[0]
-    price = 0.01 * (score(before) - score(best.fit))
+    ahead = score(before) - score(best.fit)
     gain = before.chi2 - best.fit.chi2
     for i, rival in enumerate(found[1:3], start=1):
-        if rival.fit.parameters >= best.fit.parameters:
-            continue
-        close = score(rival.fit) < score(best.fit) + price
+        close = score(rival.fit) < score(best.fit) + allowance(best, rival) * ahead
         inner = rival.effect in effects.effect(best.effect).contains
         near = before.chi2 - rival.fit.chi2 > NEAR * gain
         if close or (
             inner
+            and rival.fit.parameters < best.fit.parameters
             and near
             and bent(engine, rival.fit)
             < bent(engine, best.fit) + (1 - NEAR) * gain / 50
         ):
             return [rival, *found[:i], *found[i + 1 :]]
     return found
+
+
+def allowance(best: Rival, rival: Rival) -> float:
+    """Share of what `best` gains by which `rival` may be behind and yet go first.
+
+    It may where it is the simpler: by numbers, as a law for all recordings beside one
+    with values of its own in each, or as it stays within what it can be.
+    """
+    mine, other = _piece(best), _piece(rival)
+    if bool(mine.effect.per_recording) != bool(other.effect.per_recording):
+        return ALIKE if mine.effect.per_recording else 0.0
+    fewer = len(rival.fit.slots) < len(best.fit.slots)
+    return CLOSE if (fewer or ended(mine)) and not ended(other) else 0.0
+
+
+def ended(piece: Piece) -> bool:
+    """Whether the shape of a law went to an end of its range, which is not usual."""
+    for p in piece.effect.parameters:
+        if p.name not in piece.effect.shape or p.name not in piece.free:
+            continue
+        low, high, value = p.low, p.high, np.asarray(piece.values[p.name], float)
+        usual = p.default
+        if p.scale == "log":
+            low, high, usual = np.log(low), np.log(high), np.log(usual)
+            value = np.log(value)
+        at_low = value.min() - low < END * (usual - low)
+        at_high = high - value.max() < END * (high - usual)
+        if at_low or at_high:
+            return True
+    return False
+
+
+def _piece(rival: Rival) -> Piece:
+    """The piece of a fit that is the rival's own."""
+    pieces = rival.fit.guess.pieces
+    return next(p for p in pieces if p.effect.id == rival.effect and not p.nuisance)
 
 
 def at_best(
@@ -261,8 +301,8 @@ def at_best(
     index = next((i for i, is_it in enumerate(own) if is_it), None)
     if index is None:
         return None
-    better = release(engine, best, index, False)
-    return min(better, best, lifted(engine, best, index), key=score)
+    better = [release(engine, best, index, inside) for inside in (False, True)]
+    return min(*better, best, lifted(engine, best, index), key=score)
 
 
 def strangers(engine: Engine, base: Fit) -> list[Rival]:

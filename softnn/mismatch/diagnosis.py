@@ -431,9 +431,11 @@ def _probability(found: Explanation, rivals: Sequence[Rival], piece: Piece) -> f
     scores = np.array([score(r.fit) for r in rivals])
     if not len(scores):
         return 0.0
+    own = next((i for i, r in enumerate(rivals) if r.effect == name), None)
+    if own == 0:  # if not by its score, as the simpler of two as good
+        scores[own] = scores.min()
     weight = np.exp(-(scores - scores.min()) / TEMPER)
     weight /= weight.sum()
-    own = next((i for i, r in enumerate(rivals) if r.effect == name), None)
     # With much left unexplained a good fit names the nearest effect, not the right one:
     # on development cases it was right in two out of five. So it is with a mistake of
     # some recordings that most of them would have made, with a third effect, and with a

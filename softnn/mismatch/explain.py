@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from softnn.contracts import Effect
-from softnn.effects import effect
+from softnn.effects import EFFECTS, effect
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, weigh
 from softnn.mismatch.contest import (
@@ -22,6 +22,7 @@ from softnn.mismatch.contest import (
     at_best,
     bent,
     candidates,
+    ended,
     formless,
     names,
     prune,
@@ -58,11 +59,14 @@ SOME = 0.3  # excess that one effect in any form leaves, if there may be two oth
 MISSING = 0.1  # excess that earlier effects must leave for there to be one
 LITTLE = 0.3  # of what earlier effects gained, which anything scattered can take
 PLAIN = 0.5  # of the size that SMALL asks, beside effects of the measuring chain alone
+BESIDE = 0.0015  # of what the first gained, by which two beat any form of it
+OF_FORM = 0.05  # of what the first gained, up to which a lookalike may be its form
 SCATTERED = 9.0  # times the threshold, for one of single recordings that is small
 PROMISE = 0.3  # of what an effect gains, from which its twins are fitted beside it
 TELLING = 4.0  # of score, by which what is mistaken for an effect must be better
 TIED = 0.97  # of the gain of the best first effect, from which another is as good
 SLIGHT = 0.1  # of the largest error, up to which one counts for nothing beside it
+VAGUE = (0.1, 0.6)  # of the first's gain, and of that of the best of a third rival
 SPONGY = 6  # first effects tried where the best has values in most recordings
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
 STAYS = 0.75  # of what it takes to come in, from which an effect stays
@@ -340,7 +344,15 @@ def further(
 def admitted(
     engine: Engine, base: Fit, before: Fit, found: list[Rival], threshold: float
 ) -> list[Rival]:
-    """The rivals, the first of them that adds to what there is in front; maybe none."""
+    """The rivals, the first of them that adds to what there is in front; maybe none.
+
+    None where several gain nearly the same, and little beside what is there: each of
+    them makes up for the form of that.
+    """
+    gains = sorted((score(before) - score(r.fit) for r in found), reverse=True)
+    little = VAGUE[0] * (score(base) - score(before))
+    if len(gains) > 2 and gains[0] < little and gains[2] > VAGUE[1] * gains[0]:
+        return []
     for i, rival in enumerate(found):
         if adds(engine, base, before, rival.fit, threshold):
             return [rival, *found[:i], *found[i + 1 :]]
@@ -370,6 +382,10 @@ def adds(
         return bool(not loose and after.chi2 - n < LEFT * (before.chi2 - n))
     # A form that is wrong by much is not the form of what is there.
     first = max(base.chi2 - before.chi2, 1.0)
+    # What one is mistaken for, at an end of what it can be, is a form of that one.
+    form_of = any(ended(p) and earlier & lookalikes(p.effect.id) for p in new)
+    if form_of and before.chi2 - after.chi2 < OF_FORM * first:
+        return False
     any_form = without_form(engine, before, earlier, True)
     left = max(any_form, before.chi2 - DISTORTED * first)
     gain = left - without_form(engine, after, earlier, True)
@@ -380,8 +396,8 @@ def adds(
     plain = before.chi2 - after.chi2
     # Nor is another form the better account where two as they are leave noise and less
     # than one does in any form.
-    sure = SCATTERED if own else CLEAR if any_form > n else PLAINLY
-    beats = ease * sure * threshold
+    sure = (SCATTERED if own else PLAINLY) * threshold
+    beats = ease * max(sure, BESIDE * first)
     complete = (after.chi2 < (1 + NOISE) * n and any_form - after.chi2 > beats) or (
         len(earlier) < 2
         and kept <= {p.effect.form for p in after.guess.pieces}
@@ -556,15 +572,14 @@ def backward(
 def twins(
     engine: Engine, found: Fit, pool: Sequence[Effect], sure: Set[str]
 ) -> tuple[Fit, dict[str, list[Rival]]]:
-    """Several effects with each as what it could be mistaken for, if that fits better.
+    """The effects with each as what it could be mistaken for, if that fits better.
 
     The best, and of each effect in it the rivals that were tried in its place.
     """
     best = found
     beside: dict[str, list[Rival]] = {}
-    for name in names(found) if len(names(found)) > 1 else []:
-        others = set(effect(name).twins) | {e.id for e in pool if name in e.twins}
-        others -= set(names(best)) | sure
+    for name in names(found):
+        others = lookalikes(name) - set(names(best)) - sure
         if name in sure or not others:
             continue
         rest = without(engine, best, name)
@@ -581,17 +596,32 @@ def twins(
                 seconds = time.perf_counter() - clock
                 tried.append(Rival(other.id, min(fits, key=score), seconds))
         tried.sort(key=lambda r: score(r.fit))
-        new = tried[0].fit
+        ranked = simplest(engine, rest, tried)
+        new = ranked[0].fit
         # What fits better and yet needs other forms more is no better account.
-        if score(new) > score(best) - TELLING or bent(engine, new) > bent(engine, best):
-            tried.sort(key=lambda r: r.effect != name)
+        if ranked[0] is tried[0] and (
+            score(new) > score(best) - TELLING or bent(engine, new) > bent(engine, best)
+        ):
+            ranked = sorted(tried, key=lambda r: r.effect != name)
+        tried = ranked
         best = tried[0].fit
-        beside[tried[0].effect] = tried
+        if len(names(best)) > 1 or tried[0].effect != name:
+            beside[tried[0].effect] = tried
     return best, beside
 
 
+def lookalikes(name: str) -> set[str]:
+    """Effects that the one called `name` is mistaken for, or that are for it."""
+    return set(effect(name).twins) | {e.id for e in EFFECTS if name in e.twins}
+
+
 def reformed(engine: Engine, found: Fit) -> Fit:
-    """The same effects, each in the one of its forms that suits it best."""
+    """The same effects, each in the one of its forms that suits it best.
+
+    Where no form here comes near, the one they have.
+    """
+    if engine.body:
+        return found
     for name in names(found):
         own = {p.effect.form for p in found.guess.pieces if p.effect.id == name}
         law = effect(name)
