@@ -440,6 +440,17 @@ def test_model_file_reads_back_as_it_was(diagnosed):
         from_dict({})
 
 
+def test_a_shape_that_a_model_file_does_not_know_is_the_usual_one(diagnosed):
+    _, out = diagnosed
+    data = json.loads((out / "model.json").read_text())
+    values = data["effects"][0]["values"]
+    del values["viscous_share"]
+    assert from_dict(data).pieces[0].values["viscous_share"] == 1
+    del values["depth"]  # its size is no shape
+    with pytest.raises(InputError, match="depth"):
+        from_dict(data)
+
+
 @pytest.mark.slow
 def test_a_stored_model_is_a_base(diagnosed):
     folder, out = diagnosed

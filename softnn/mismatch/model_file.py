@@ -172,7 +172,9 @@ def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
         pieces, own = [], []
         for entry in data["effects"]:
             law = effect(entry["effect"], entry["form"])
-            values = {k: float(v) for k, v in entry["values"].items()}
+            # A shape that the law has got since the file was written is the usual one.
+            usual = {k: v for k, v in law.defaults().items() if k in law.shape}
+            values = usual | {k: float(v) for k, v in entry["values"].items()}
             law.prepare(values)
             pieces.append(Piece(law, values, ()))
             own.append(
