@@ -420,6 +420,7 @@ def test_a_sponge_has_values_in_most_recordings(slips, most, much):
 
 def test_the_first_that_adds_goes_in_front(monkeypatch):
     found = [contest.Rival(name, SimpleNamespace(name=name), 0.0) for name in "abc"]
+    monkeypatch.setattr(explain, "score", lambda fit: 0.0)
     monkeypatch.setattr(explain, "adds", lambda e, b, c, fit, t: fit.name == "b")
     taken = explain.admitted(None, None, None, found, 1.0)
     assert [r.effect for r in taken] == ["b", "a", "c"]
@@ -943,3 +944,31 @@ def test_two_that_beat_any_form_of_one_by_next_to_nothing_are_one(
     monkeypatch.setattr(explain, "COMPLETE", -1.0)
     monkeypatch.setattr(explain, "TOLD", (np.inf, np.inf))
     assert adds(engine, base, one, after, threshold) == taken
+
+
+@pytest.mark.parametrize(
+    ("gains", "taken"),
+    [
+        ((200, 150, 130), False),
+        ((200, 150, 110), True),  # two alike are twins, as a rule
+        ((200, 150), True),
+        ((500, 450, 400), True),  # well above the noise
+        ((120, 90, 80), False),
+    ],
+)
+def test_where_many_gain_the_same_little_none_is_named(monkeypatch, gains, taken):
+    def fitted_to(points):
+        return SimpleNamespace(
+            chi2=1000 * np.exp(points / 1000), residual=np.zeros(1000), parameters=0
+        )
+
+    laws = ("cyclic_softening", "load_cell_drift", "tension_only")
+    found = [
+        contest.Rival(law, fitted_to(-gain), 0.0)
+        for law, gain in zip(laws, gains, strict=False)
+    ]
+    monkeypatch.setattr(explain, "adds", lambda *a: True)
+    base, before = fitted_to(2500.0), fitted_to(0.0)
+    assert bool(explain.admitted(None, base, before, found, 15.0)) == taken
+    # Beside a first that gained no more than that, all of it counts.
+    assert explain.admitted(None, fitted_to(1000.0), before, found, 15.0)

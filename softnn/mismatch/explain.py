@@ -67,6 +67,7 @@ TELLING = 4.0  # of score, by which what is mistaken for an effect must be bette
 TIED = 0.97  # of the gain of the best first effect, from which another is as good
 SLIGHT = 0.1  # of the largest error, up to which one counts for nothing beside it
 VAGUE = (0.1, 0.6)  # of the first's gain, and of that of the best of a third rival
+FEW = 20.0  # thresholds, up to which several that gain nearly the same are none
 SPONGY = 6  # first effects tried where the best has values in most recordings
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
 STAYS = 0.75  # of what it takes to come in, from which an effect stays
@@ -346,11 +347,11 @@ def admitted(
 ) -> list[Rival]:
     """The rivals, the first of them that adds to what there is in front; maybe none.
 
-    None where several gain nearly the same, and little beside what is there: each of
-    them makes up for the form of that.
+    None where several gain nearly the same, and little beside noise and what is there:
+    each of them makes up for the form of that.
     """
     gains = sorted((score(before) - score(r.fit) for r in found), reverse=True)
-    little = VAGUE[0] * (score(base) - score(before))
+    little = min(FEW * threshold, VAGUE[0] * (score(base) - score(before)))
     if len(gains) > 2 and gains[0] < little and gains[2] > VAGUE[1] * gains[0]:
         return []
     for i, rival in enumerate(found):
