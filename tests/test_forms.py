@@ -972,3 +972,19 @@ def test_where_many_gain_the_same_little_none_is_named(monkeypatch, gains, taken
     assert bool(explain.admitted(None, base, before, found, 15.0)) == taken
     # Beside a first that gained no more than that, all of it counts.
     assert explain.admitted(None, fitted_to(1000.0), before, found, 15.0)
+
+
+def test_a_law_that_the_one_there_contains_needs_no_fewer_forms(monkeypatch):
+    branch, flow = effect("relaxation_branch"), effect("nonlinear_viscosity")
+    values = branch.defaults() | dict(branch.starts(recorded_scales())[0])
+    engine, true = two(branch.id, values)
+    rest = explain.without(engine, true, branch.id)
+    screen = explain.Screen(engine, rest)
+    fits = [explain.at_best(engine, screen, x) for x in (flow, *flow.second_forms)]
+    wrong = min((x for x in fits if x), key=explain.score)
+    bends = {branch.id: 1.0, flow.id: 0.0}
+    monkeypatch.setattr(
+        explain, "bent", lambda e, fit: max(bends.get(n, 0.0) for n in names(fit))
+    )
+    best, _ = explain.twins(engine, wrong, [branch, flow], set())
+    assert branch.id in names(best)

@@ -599,8 +599,10 @@ def twins(
         tried.sort(key=lambda r: score(r.fit))
         ranked = simplest(engine, rest, tried)
         new = ranked[0].fit
-        # What fits better and yet needs other forms more is no better account.
-        if ranked[0] is tried[0] and (
+        # What fits better and yet needs other forms more is no better account, but for
+        # a law that the one there contains.
+        simpler = ranked[0] is not tried[0] or ranked[0].effect in effect(name).contains
+        if not simpler and (
             score(new) > score(best) - TELLING or bent(engine, new) > bent(engine, best)
         ):
             ranked = sorted(tried, key=lambda r: r.effect != name)
