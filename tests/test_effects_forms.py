@@ -131,3 +131,21 @@ def test_a_value_for_each_recording_is_asked_for():
     term = Term(effect("zero_offset"), {"offset_MPa": np.array([0.1])})
     with pytest.raises(InputError, match="1 values of offset_MPa for 2 recordings"):
         simulate(SPRING, [1.0], [term], two)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_branches_feel_their_share_of_a_set(share):
+    law = effect("permanent_set")
+    values = law.defaults() | {"ratio": 0.2, "viscous_share": share}
+    time = np.linspace(0, 8, 801)
+    strain = np.interp(time, [0, 2, 4, 6, 8], [0, 0.6, 0, 0.6, 0.6])
+    chunk = [Chunk(time, strain)]
+    largest = np.maximum.accumulate(strain)
+    # A spring is shifted by the set, a branch by its share, as if moved by less.
+    spring = Units("wiechert", (0.0, 1.0), (1.0,))
+    (stiff,) = simulate(spring, np.array([2.0, 0.0]), [Term(law, values)], chunk)
+    np.testing.assert_allclose(stiff, 2.0 * (strain - 0.2 * largest), atol=1e-12)
+    (flows,) = simulate(spring, np.array([0.0, 2.0]), [Term(law, values)], chunk)
+    moved = [Chunk(time, strain - share * 0.2 * largest)]
+    (as_moved,) = simulate(spring, np.array([0.0, 2.0]), [], moved)
+    np.testing.assert_allclose(flows, as_moved, atol=1e-12)

@@ -875,10 +875,48 @@ def test_one_alone_is_also_what_fits_best_of_its_twins():
 
 
 def test_where_no_form_comes_near_none_is_exchanged(softened):
-    engine, values = softened
-    found = fitted(engine, "mullins_softening", values)
+    engine, _ = softened
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    (other,) = effect("mullins_softening").second_forms
+    wrong = contest.at_best(engine, contest.Screen(engine, base), other)
+    assert explain.reformed(engine, wrong) is not wrong
     engine.body = True
-    assert explain.reformed(engine, found) is found
+    assert explain.reformed(engine, wrong) is wrong
+
+
+def test_shapes_are_freed_from_where_they_are_and_from_inside(monkeypatch, softened):
+    engine, _ = softened
+    base = fit(engine, Guess(BASE, np.ones(3)))
+    tried, release = [], contest.release
+    monkeypatch.setattr(
+        contest, "release", lambda e, f, i, inside: tried.append(inside) or f
+    )
+    law = effect("mullins_softening")
+    assert contest.at_best(engine, contest.Screen(engine, base), law)
+    assert tried == [False, True]
+    assert release is not contest.release
+
+
+def test_what_is_simpler_takes_the_place_of_its_twin(monkeypatch):
+    law, finite = effect("strain_dependent_relaxation"), effect("finite_strain")
+    engine, true = two(law.id, {"growth": -0.8, "curvature": 0.0})
+    monkeypatch.setattr(explain, "simplest", lambda e, b, found: found[::-1])
+    best, beside = explain.twins(engine, true, [law, finite], {"mullins_softening"})
+    assert set(names(best)) == {"mullins_softening", finite.id}
+    assert [r.effect for r in beside[finite.id]] == [finite.id, law.id]
+
+
+@pytest.mark.parametrize(("numbers", "first"), [(5, 1), (7, 0)])
+def test_a_contained_law_goes_first_only_with_fewer_numbers(
+    monkeypatch, numbers, first
+):
+    flow = rival("nonlinear_viscosity", 3, 0.0)
+    branch = rival("relaxation_branch", 2, 50.0)  # too far behind but for its forms
+    flow.fit.parameters, branch.fit.parameters = 6, numbers
+    monkeypatch.setattr(contest, "bent", lambda e, fit: 900.0)
+    before = SimpleNamespace(chi2=1000 * np.e, residual=np.zeros(1000), parameters=0)
+    found = [flow, branch]
+    assert contest.simplest(None, before, found)[0] is found[first]
 
 
 def test_a_form_that_the_score_test_misses_is_tried(monkeypatch):
@@ -890,8 +928,9 @@ def test_a_form_that_the_score_test_misses_is_tried(monkeypatch):
 
     def dim(self, one, entry):
         leads, atoms = lead(self, one, entry)
-        weak = 0.01 if one.form == law.form else 1.0
-        return [replace(x, gain=weak * x.gain) for x in leads], atoms
+        if one.form == law.form:  # enough to pass, and no more
+            leads = [replace(x, gain=min(x.gain, 60.0)) for x in leads]
+        return leads, atoms
 
     monkeypatch.setattr(contest.Screen, "lead", dim)
     best = rivals(engine, base, [law], np.random.default_rng(0))[0][0]
