@@ -1027,3 +1027,82 @@ def test_a_law_that_the_one_there_contains_needs_no_fewer_forms(monkeypatch):
     )
     best, _ = explain.twins(engine, wrong, [branch, flow], set())
     assert branch.id in names(best)
+
+
+@pytest.mark.parametrize(
+    ("law", "later", "gained", "taken"),
+    [
+        # Of a first of a material, one and a half thousandths of what it gained.
+        ("mullins_softening", "permanent_set", 0.9e-3, False),
+        ("mullins_softening", "permanent_set", 1.8e-3, True),
+        # A filter is known, so beside a lag a fifth of that is enough.
+        ("sensor_lag", "inertia", 0.9e-3, True),
+        ("sensor_lag", "inertia", 0.2e-3, False),
+        # A law that contains the first can be its form in more ways.
+        ("relaxation_branch", "nonlinear_viscosity", 5e-3, False),
+        ("relaxation_branch", "nonlinear_viscosity", 9e-3, True),
+    ],
+)
+def test_what_completes_an_account_is_more_than_the_first_is_known_to(
+    monkeypatch, law, later, gained, taken
+):
+    engine, one, after = alone_and_with(law, later)
+    n = len(engine.target)
+    one, after = shifted(one, 1.5 * n), shifted(after, 1.0 * n)
+    base = shifted(one, one.chi2 + 0.5 * n / gained)
+    # As if some form of the first could take all of it.
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: 1.0 * n)
+    monkeypatch.setattr(explain, "score", lambda fit: fit.chi2)
+    assert adds(engine, base, one, after, 20.0) == taken
+
+
+def alone_and_with(law, later):
+    """Engine, a fit with one effect, the same with another beside it."""
+    first, second = effect(law), effect(later)
+    scales = recorded_scales()
+    pieces = [
+        Piece(x, x.defaults() | dict(x.starts(scales)[0]), (x.amplitude,))
+        for x in sorted((first, second), key=turn)
+    ]
+    data = recorded(law, next(p.values for p in pieces if p.effect is first))
+    engine = Engine(data, [np.full(600, 1e-3)] * 3, [0.0] * 3)
+    after = fit(engine, Guess(BASE, np.ones(3), tuple(pieces)), iterations=0)
+    return engine, explain.without(engine, after, later), after
+
+
+@pytest.mark.parametrize(
+    ("law", "left", "gain", "taken"),
+    [
+        # Beside a first that gained a hundred noises; thresholds of twenty.
+        ("permanent_set", 1.005, 60.0, False),  # left is what noise is known to
+        ("permanent_set", 1.005, 100.0, True),
+        ("permanent_set", 1.03, 60.0, True),
+        # Values of single recordings, beside one that gained as little as they do.
+        ("zero_offset", 1.005, 100.0, False),
+        ("zero_offset", 1.005, 200.0, True),
+        ("zero_offset", 1.03, 100.0, True),
+    ],
+)
+def test_what_is_left_must_be_more_than_noise_is_known_to(
+    monkeypatch, law, left, gain, taken
+):
+    values = {} if law == "permanent_set" else {"offset_MPa": np.full(3, 0.01)}
+    engine, both = two(law, values)
+    one = explain.without(engine, both, law)
+    n = len(engine.target)
+    one, after = shifted(one, left * n), shifted(both, left * n - gain)
+    first = 100 * n if law == "permanent_set" else 2 * gain
+    monkeypatch.setattr(explain, "SMALL", {False: (0.6, 0.0), True: (0.6, 0.0)})
+    monkeypatch.setattr(explain, "NOISE", -1.0)  # nothing is complete
+    monkeypatch.setattr(explain, "MISSING", 9.0)
+    monkeypatch.setattr(explain, "sponge", lambda *a: False)
+    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: fit.chi2)
+    monkeypatch.setattr(explain, "score", lambda fit: fit.chi2)
+    assert adds(engine, shifted(one, one.chi2 + first), one, after, 20.0) == taken
+
+
+def test_a_share_of_none_or_all_is_no_end():
+    law = effect("mullins_softening")
+    free = tuple(p.name for p in law.parameters)
+    assert not contest.ended(Piece(law, law.defaults() | {"viscous_share": 0.0}, free))
+    assert contest.ended(Piece(law, law.defaults() | {"sharpness": 0.0201}, free))

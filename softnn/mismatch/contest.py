@@ -268,6 +268,8 @@ def ended(piece: Piece) -> bool:
         if p.name not in piece.effect.shape or p.name not in piece.free:
             continue
         low, high, value = p.low, p.high, np.asarray(piece.values[p.name], float)
+        if (low, high) == (0, 1):  # a share may well be none or all
+            continue
         usual = p.default
         if p.scale == "log":
             low, high, usual = np.log(low), np.log(high), np.log(usual)

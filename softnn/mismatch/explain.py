@@ -60,6 +60,8 @@ MISSING = 0.1  # excess that earlier effects must leave for there to be one
 LITTLE = 0.3  # of what earlier effects gained, which anything scattered can take
 PLAIN = 0.5  # of the size that SMALL asks, beside effects of the measuring chain alone
 BESIDE = 0.0015  # of what the first gained, by which two beat any form of it
+INSIDE = 5.0  # times that for a law that contains the first
+MEASURED = 0.2  # times that beside effects of the measuring chain alone
 OF_FORM = 0.05  # of what the first gained, up to which a lookalike may be its form
 SCATTERED = 9.0  # times the threshold, for one of single recordings that is small
 PROMISE = 0.3  # of what an effect gains, from which its twins are fitted beside it
@@ -398,9 +400,15 @@ def adds(
     # Nor is another form the better account where two as they are leave noise and less
     # than one does in any form.
     sure = (SCATTERED if own else PLAINLY) * threshold
-    beats = ease * max(sure, BESIDE * first)
+    # What an amplifier does is known; what a material does is not.
+    laws = [p.effect for p in before.guess.pieces if not p.nuisance]
+    chain = all(law.stage == "sensor" for law in laws)
+    inside = any(earlier & set(p.effect.contains) for p in new)
+    beside = BESIDE * (MEASURED if chain else 1) * (INSIDE if inside else 1) * first
+    beats = ease * max(sure, beside)
     complete = (after.chi2 < (1 + NOISE) * n and any_form - after.chi2 > beats) or (
         len(earlier) < 2
+        and plain > ease * beside
         and kept <= {p.effect.form for p in after.guess.pieces}
         and (
             (
@@ -434,11 +442,11 @@ def adds(
         share > much and gain > size * first
         for much, size in (LARGE if len(earlier) < 2 else [THIRD])
     )
-    if own and gain < min(SCATTERED * threshold, 0.15 * first):
+    missing = left > (1 + KNOWN) * n  # or is it the level of noise?
+    if own and gain < SCATTERED * threshold and (gain < 0.15 * first or not missing):
         return False
     clean, small = SMALL[own]
-    # What an amplifier does is known; what a material does is not.
-    if all(p.effect.stage == "sensor" for p in before.guess.pieces if not p.nuisance):
+    if chain:
         small *= PLAIN
     return bool(
         large
@@ -447,7 +455,7 @@ def adds(
             len(earlier) < 2
             and share > clean
             and gain > small * first
-            and (left > n or gain > PLAINLY * threshold)
+            and (missing or gain > PLAINLY * threshold)
         )
     )
 
