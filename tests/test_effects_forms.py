@@ -69,7 +69,7 @@ def test_wall_friction_is_a_share_of_the_load_up_and_down(side):
     np.testing.assert_allclose(ratio[126:-1], 0.8, rtol=1e-9)
 
 
-SET = {"ratio": 0.2, "exponent": 1.0, "yield_strain": 0.0, "on_return": 0.0}
+SET = effect("permanent_set").defaults() | {"ratio": 0.2}  # all of it, in all parts
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
