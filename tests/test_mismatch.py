@@ -285,6 +285,29 @@ def test_heldout_of_a_linear_base_is_that_of_refitting():
         assert errors[r] == pytest.approx(expected, rel=2e-3)
 
 
+def test_heldout_of_one_recording_with_values_of_its_own_is_that_of_refitting():
+    # Five stretches; what the recording alone has is read off the other four.
+    rng = np.random.default_rng(3)
+    chunks, offset = tuple(histories()[:1]), effect("zero_offset")
+    term = Term(offset, {"offset_MPa": np.array([0.2])})
+    (stress,) = simulate(UNITS, STIFFNESS, [term], chunks)
+    noisy = stress + 0.01 * rng.standard_normal(len(stress))
+    engine = Engine(Data(("a",), chunks, (noisy,)), [np.full(len(noisy), 0.01)], [0.0])
+    piece = Piece(offset, {"offset_MPa": np.array([0.1])}, ("offset_MPa",), ((0,),))
+    for fixed in (False, True):
+        guess = Guess(UNITS, np.asarray(STIFFNESS, float), (piece,))
+        found = fit(engine, guess, fixed_base=fixed)
+        errors, _ = heldout(engine, found)
+        assert len(errors) == 5
+        for g, error in enumerate(errors):
+            test = np.arange(len(noisy)) * 5 // len(noisy) == g
+            if fixed:
+                level = (noisy - stress + 0.2)[~test].mean()
+                expected = np.sum((noisy - stress + 0.2 - level)[test] ** 2)
+                assert error == pytest.approx(expected, rel=2e-3)
+            assert error < 1.3 * test.sum() * 0.01**2
+
+
 def test_ratio_interval_covers_the_ratio():
     rng = np.random.default_rng(0)
     before = rng.uniform(1, 2, 7)

@@ -67,7 +67,7 @@ def heldout(engine: Engine, found: Fit) -> tuple[Array, Array]:
         rest = rest + pull * start
         own = np.array(
             [
-                several and base + j if s.recordings == (g,) else -1
+                base + j if several and s.recordings == (g,) else -1
                 for j, s in enumerate(where)
             ]
         )
