@@ -23,6 +23,9 @@ from softnn.models.units import Units
 from softnn.simulate import Memory, Term, measured, reach, run_on
 
 RIDGE = 1e-11  # of each diagonal entry: keeps collinear branches solvable
+KEPT = 6  # strains that reached the model, last asked for
+
+Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
 
 
 @dataclass(frozen=True)
@@ -197,6 +200,7 @@ class Engine:
         self.fine: Engine | None = None  # the same recordings with all their samples
         self.body = False  # weigh all samples alike, as if the noise were white
         self._cache: dict[Any, Any] = {}
+        self._inputs: dict[Any, list[Input]] = {}
         self._blind: Array | None = None  # orthonormal, whitened: what no fit may see
         self.set_noise(sigma_MPa, correlation_s)
 
@@ -283,6 +287,38 @@ class Engine:
             self._cache[key] = out
         return out
 
+    def inputs(self, units: Units, terms: Sequence[Term], every: Any) -> list[Input]:
+        """What reaches the model in each recording, and its unit columns there.
+
+        Kept for the last few, as stiffnesses and what acts after the model change
+        nothing of it. `every` (terms, recordings): the values of the terms.
+        """
+        front = [t for t in terms if t.effect.acts_before]
+        key = units, *(
+            (type(t.effect), *((k, np.asarray(v).tobytes()) for k, v in t.values.items()))
+            for t in front
+        )
+        if key in self._inputs:
+            return self._inputs[key]
+        out: list[Input] = []
+        memory: Memory = {}
+        state = None
+        for r, chunk in enumerate(self.chunks):
+            if not self.data.continued:
+                memory, state = {}, None
+            signal = reach(terms, [own[r] for own in every], chunk, memory)
+            inner = chunk
+            if front:
+                inner = Chunk(
+                    chunk.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]
+                )
+            springs, branch, state = self.columns(units, r, inner, state)
+            out.append((signal, springs, branch))
+        if len(self._inputs) >= KEPT:
+            del self._inputs[next(iter(self._inputs))]
+        self._inputs[key] = out
+        return out
+
     def run(self, guess: Guess, columns: bool) -> tuple[Array, Array | None]:
         """Stress (valid,) of a guess and, if asked, its derivative by each stiffness.
 
@@ -291,24 +327,16 @@ class Engine:
         """
         terms = guess.terms()
         x, segments = guess.stiffness, guess.units.segments
-        before = any(t.effect.acts_before for t in terms)
         after = any(type(t.effect).after is not Effect.after for t in terms)
         # A solver within bounds asks far too often to be checked each time.
         every = [t.each(len(self.chunks)) for t in terms]
         stress, slope = [], []
         memory: Memory = {}
-        state = None
-        for r, chunk in enumerate(self.chunks):
+        inputs = self.inputs(guess.units, terms, every)
+        for r, (signal, springs, branch) in enumerate(inputs):
             if not self.data.continued:
-                memory, state = {}, None
+                memory = {}
             values = [own[r] for own in every]
-            signal = reach(terms, values, chunk, memory)
-            inner = chunk
-            if before:
-                inner = Chunk(
-                    chunk.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]
-                )
-            springs, branch, state = self.columns(guess.units, r, inner, state)
             eq = springs @ x[:segments]
             if self.remainder is not None:
                 eq = eq + self.remainder[r]
@@ -466,8 +494,7 @@ def fit(
     fresh = False
     while where and count < iterations:
         count += 1
-        exact, _ = engine.run(guess, False)
-        jacobian = engine.whiten(derivative(engine, guess, where, exact))
+        jacobian = engine.whiten(derivative(engine, guess, where, stress))
         fresh = True
         z = np.array([s.inside(get(guess, s)) for s in where])
         low = np.array(

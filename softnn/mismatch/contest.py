@@ -192,12 +192,13 @@ def release(
     pieces = list(found.guess.pieces)
     piece = pieces[index]
     values = dict(piece.values)
-    for p in piece.effect.parameters:
-        if inside and p.name in piece.effect.shape and p.scale == "linear":
-            width = 0.03 * (p.high - p.low)
-            values[p.name] = float(
-                np.clip(values[p.name], p.low + width, p.high - width)
-            )
+    law = piece.effect
+    ends = [p for p in law.parameters if p.name in law.shape and p.scale == "linear"]
+    if inside and not ends:
+        return found
+    for p in ends if inside else ():
+        width = 0.03 * (p.high - p.low)
+        values[p.name] = float(np.clip(values[p.name], p.low + width, p.high - width))
     names = tuple(p.name for p in piece.effect.parameters)
     pieces[index] = replace(piece, values=values, free=names)
     guess = replace(found.guess, pieces=tuple(pieces))

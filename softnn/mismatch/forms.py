@@ -306,7 +306,7 @@ def _paused(engine: Engine, pauses: Array) -> Engine:
         time = chunk.time_s - chunk.time_s[0] + chunks[-1].time_s[-1] + pause
         chunks.append(replace(chunk, time_s=time))
     other = copy(engine)
-    other.chunks, other._cache = chunks, {}
+    other.chunks, other._cache, other._inputs = chunks, {}, {}
     return other
 
 
