@@ -294,10 +294,10 @@ class Engine:
         nothing of it. `every` (terms, recordings): the values of the terms.
         """
         front = [t for t in terms if t.effect.acts_before]
-        key = units, *(
-            (type(t.effect), *((k, np.asarray(v).tobytes()) for k, v in t.values.items()))
-            for t in front
+        values = (
+            ((k, np.asarray(v).tobytes()) for k, v in t.values.items()) for t in front
         )
+        key = units, *((type(t.effect), *v) for t, v in zip(front, values, strict=True))
         if key in self._inputs:
             return self._inputs[key]
         out: list[Input] = []

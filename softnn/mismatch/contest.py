@@ -26,6 +26,8 @@ ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its
 NEAR = 0.8  # of the gain of a richer law, from which a simpler one may stand for it
 CLOSE = 0.01  # of the gain of a law: no form is true, and by so much it may be ahead
 ALIKE = 0.02  # the same where it has values of its own, and a law for all has none
+MOST = 0.6  # of the recordings
+TWO = 2  # recordings, of which any number is most
 END = 0.05  # of the way from what is usual to the end of a range, left at that end
 
 # What a base has of its own, so that it cannot be missing from it.
@@ -111,6 +113,9 @@ def rivals(
         clock = time.perf_counter()
         trial = refine(engine, base, lead.piece, 6)
         found.append(Rival(name, trial, time.perf_counter() - clock))
+    found = firm(engine, found)
+    if not found:
+        return [], threshold
     found.sort(key=lambda r: r.fit.chi2)
     best = found[0].fit.chi2
     out: dict[str, Rival] = {}
@@ -132,6 +137,36 @@ def rivals(
         if rival.effect not in out or score(rival.fit) < score(out[rival.effect].fit):
             out[rival.effect] = rival
     return sorted(out.values(), key=lambda r: score(r.fit)), threshold
+
+
+def firm(engine: Engine, found: list[Rival]) -> list[Rival]:
+    """The rivals without values of their own in most recordings, if no form is near.
+
+    With a number for each recording much is explained, whatever it is that they are of.
+    """
+    if not engine.body or len(engine.chunks) <= TWO:
+        return found
+    return [r for r in found if not any(in_most(engine, p) for p in r.fit.guess.pieces)]
+
+
+def sponge(engine: Engine, piece: Piece, least: float = 0.0) -> bool:
+    """Whether an error of some recordings has a value of its own in most of them.
+
+    An error of mounting or zeroing is there in some recordings; what takes a little of
+    all of them makes up for the form of another effect. `least`: of the largest value,
+    from which a recording counts.
+    """
+    return piece.effect.some and in_most(engine, piece, least)
+
+
+def in_most(engine: Engine, piece: Piece, least: float = 0.0) -> bool:
+    """Whether an effect has a value of its own in most recordings; see `sponge`."""
+    law = piece.effect
+    if law.amplitude not in law.per_recording or piece.nuisance or not piece.groups:
+        return False
+    values = np.abs(np.asarray(piece.values[law.amplitude]) - law.off[law.amplitude])
+    many = sum(values[list(g)].max() > least * values.max() for g in piece.groups)
+    return bool(many > MOST * len(engine.chunks))
 
 
 def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit:

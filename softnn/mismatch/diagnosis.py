@@ -23,8 +23,8 @@ from softnn.mismatch.case import (
     thin,
     to_data,
 )
-from softnn.mismatch.contest import Rival, score
-from softnn.mismatch.explain import TEMPER, Explanation, explain, sponge
+from softnn.mismatch.contest import Rival, score, sponge
+from softnn.mismatch.explain import TEMPER, Explanation, explain
 from softnn.mismatch.forms import finer, unforgotten
 from softnn.mismatch.learn import Learned, learn, period
 from softnn.mismatch.model_file import Stored, to_dict

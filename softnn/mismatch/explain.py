@@ -30,6 +30,7 @@ from softnn.mismatch.contest import (
     rivals,
     score,
     simplest,
+    sponge,
     strangers,
     without_form,
 )
@@ -458,21 +459,6 @@ def adds(
             and (missing or gain > PLAINLY * threshold)
         )
     )
-
-
-def sponge(engine: Engine, piece: Piece, least: float = 0.0) -> bool:
-    """Whether an error of some recordings has a value of its own in most of them.
-
-    An error of mounting or zeroing is there in some recordings; what takes a little of
-    all of them makes up for the form of another effect. `least`: of the largest value,
-    from which a recording counts.
-    """
-    law = piece.effect
-    if not law.some or piece.nuisance or not piece.groups:
-        return False
-    values = np.abs(np.asarray(piece.values[law.amplitude]) - law.off[law.amplitude])
-    many = sum(values[list(g)].max() > least * values.max() for g in piece.groups)
-    return bool(many > 0.6 * len(engine.chunks))
 
 
 def swap(engine: Engine, base: Fit, steps: list[Step]) -> Fit:
