@@ -402,3 +402,54 @@ def test_structure_that_does_not_heal_while_watched_is_on_the_list():
     longest = float(scales.duration_s[0])
     assert law.strange({"rebuild_s": 0.5 * longest}, scales)
     assert not law.strange({"rebuild_s": 20 * longest}, scales)
+
+
+def crystals_on(peaks, **values):
+    """Stress (n,) of crystals alone on triangles to `peaks`, a unit a second."""
+    law = next(x for x in STRANGERS if x.id == "crystals")
+    values = law.defaults() | {"stiffness_MPa": 1.0} | values
+    knots = np.concatenate([[0.0], np.ravel([[p, 0.0] for p in peaks])])
+    time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(knots)))])
+    fine = np.linspace(0, time[-1], 4001)
+    strain = np.interp(fine, time, knots)
+    none = Units("hooke", (0.0, 1.0))
+    return strain, simulate(none, [0.0], [Term(law, values)], [Chunk(fine, strain)])[0]
+
+
+def test_crystals_form_beyond_the_onset_and_melt_late():
+    quick = {"onset": 0.4, "melting": 0.5, "time_s": 1e-3}
+    strain, stress = crystals_on([0.9], **quick)
+    up, down = stress[: len(stress) // 2], stress[len(stress) // 2 :][::-1]
+    e = strain[: len(up)]
+    # Quick ones follow one line up; they stay until the other line is met.
+    assert up == pytest.approx(np.maximum(e - 0.4, 0), abs=3e-3)
+    assert down[-len(e) :][: len(e)] == pytest.approx(
+        np.minimum(np.maximum(e - 0.2, 0), 0.5), abs=3e-3
+    )
+
+
+def test_crystals_take_their_time_and_need_stretch():
+    slow = {"onset": 0.4, "melting": 0.5, "time_s": 10.0}
+    _, stress = crystals_on([0.9], **slow)
+    assert 0 < stress.max() < 0.1 * (0.9 - 0.4)
+    assert crystals_on([0.39, -0.39], **slow)[1] == pytest.approx(0.0)
+    # Compression makes them as stretch does.
+    assert crystals_on([-0.9], **slow)[1] == pytest.approx(-stress)
+
+
+@pytest.mark.parametrize(
+    ("values", "strange"),
+    [
+        ({}, True),
+        ({"stiffness_MPa": -0.3}, False),  # softening, which has names
+        ({"melting": 1.0, "time_s": 1e-3}, False),  # a spring
+        ({"melting": 0.9, "time_s": 1e-3}, True),
+        ({"melting": 1.0}, True),
+    ],
+)
+def test_crystals_that_come_and_go_with_strain_are_a_spring(values, strange):
+    law = next(x for x in STRANGERS if x.id == "crystals")
+    scales = Data(("a",), (law.telltale(),), (law.telltale().strain,)).scales()
+    assert law.strange(
+        {p.name: p.default for p in law.parameters} | values, scales
+    ) == (strange)

@@ -192,3 +192,28 @@ def valve(step, increment, time, faster, carried, out):
                 q = q * np.exp(-step[i] * r / tau)
             out[i, s] = q
         carried[s] = q
+
+
+@numba.njit(cache=True)
+def crystals(step, stretch, onset, melting, time, carried, out):
+    """Strain's worth of crystals: they form towards one line and melt towards another.
+
+    The lines are the stretch beyond `onset`, and beyond `melting` times it.
+    """
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if stretch.shape[1] > 1 else 0
+        start = onset[s if onset.size > 1 else 0]
+        melt = start * melting[s if melting.size > 1 else 0]
+        tau = time[s if time.size > 1 else 0]
+        c = carried[s]
+        for i in range(n):
+            e = abs(stretch[i, j])
+            kept = np.exp(-step[i] / tau)
+            most, least = max(e - melt, 0.0), max(e - start, 0.0)
+            if c < least:
+                c = least + (c - least) * kept
+            elif c > most:
+                c = most + (c - most) * kept
+            out[i, s] = c
+        carried[s] = c

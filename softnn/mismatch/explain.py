@@ -427,7 +427,8 @@ def adds(
     if complete:
         gain = plain
     # Two that fit better with fewer numbers than one need no other form of it.
-    if len(new) > 1 and after.parameters <= before.parameters:
+    fewer = len(new) > 1 or len(after.slots) < len(before.slots)
+    if fewer and after.parameters <= before.parameters:
         return bool(plain > CLEAR * threshold)
     price = (len(after.slots) - len(before.slots)) * np.log(n)
     if gain < max(CLEAR * threshold, price) or score(after) > score(before):

@@ -2,7 +2,7 @@
 
 A list is never complete. What is named must explain more than these plain laws do:
 wear with time under load, structure that breaks with travel and heals at rest, flow
-that goes one way more easily than the other.
+that goes one way more easily than the other, crystals that stretch makes.
 """
 
 from __future__ import annotations
@@ -206,7 +206,71 @@ class OneWay(Stranger):
         ]
 
 
-STRANGERS = (Wear(), Structure(), OneWay())
+class Crystals(Stranger):
+    r"""Crystals that form in stretched chains, and melt later than they formed.
+
+    .. math:: \sigma \to \sigma + E c\,\mathrm{sgn}\,\varepsilon, \quad
+              \tau \dot c = \max(|\varepsilon| - \varepsilon_0, 0) - c
+              \text{ while it grows}, \quad
+              \tau \dot c = \max(|\varepsilon| - m \varepsilon_0, 0) - c
+              \text{ while it melts}
+
+    Between the two lines nothing changes. Flory 1947, doi:10.1063/1.1746537.
+    """
+
+    called = "crystals"
+    words = "crystals that form at large strain and melt late on the way back"
+    ports = ("equilibrium",)
+    parameters = (
+        Parameter("stiffness_MPa", "MPa", -1e6, 1e6, 0.3, meaning="E"),
+        Parameter("onset", "-", 1e-4, 20.0, 0.5, "log", "epsilon_0"),
+        Parameter("melting", "-", 0.0, 1.0, 0.7, meaning="m"),
+        Parameter("time_s", "s", 1e-3, 1e6, 3.0, "log", "tau"),
+    )
+    off = {"stiffness_MPa": 0.0}
+    amplitude = "stiffness_MPa"
+    shape = ("melting",)
+    where = "beyond a strain, and on the way back to well below it"
+    twins = {
+        "nonlinear_elasticity": "a hold beyond the upturn, and the way back from it",
+        "strain_dependent_relaxation": "the way back to just below the upturn",
+    }
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import crystals
+
+        last, carried = (signal.time_s[0], 0.0) if state is None else state
+        step = np.diff(signal.time_s, prepend=last)
+        sets = max(signal.strain.shape[1], *(v.size for v in p.values()))
+        carried = np.broadcast_to(carried, (sets,)).astype(float)
+        out = np.empty((len(step), sets))
+        strain = np.ascontiguousarray(signal.strain)
+        crystals(step, strain, p["onset"], p["melting"], p["time_s"], carried, out)
+        stress = p["stiffness_MPa"] * out * np.sign(signal.strain)
+        new = replace(signal, equilibrium=signal.equilibrium + stress)
+        return new, (signal.time_s[-1], carried)
+
+    def strange(self, values, scales):
+        # What comes and goes with strain alone is a spring.
+        late = values["melting"] < 0.95 or values["time_s"] > scales.interval_s
+        return values["stiffness_MPa"] > 0 and bool(late)
+
+    def starts(self, scales):
+        middle = float(np.median(scales.duration_s))
+        size = scales.stress_MPa / scales.strain
+        return [
+            {
+                "stiffness_MPa": 0.3 * size,
+                "onset": float(np.clip(k * scales.strain, 1e-4, 20.0)),
+                "melting": 0.7,
+                "time_s": float(np.clip(t * middle, 1e-3, 1e6)),
+            }
+            for k in (0.4, 0.6, 0.8)
+            for t in (0.01, 0.1)
+        ]
+
+
+STRANGERS = (Wear(), Structure(), OneWay(), Crystals())
 
 
 def words(name: str) -> str:
