@@ -26,6 +26,7 @@ from studies.common import (
     percent,
 )
 from studies.concealed.orders import NAMES
+from studies.concealed.scoring import Rate
 from studies.cost import cost_figure
 from studies.limits_report import curve, noise_table
 
@@ -42,6 +43,8 @@ COMMANDS = {  # of the result files the page is made of
 }
 BASE = "pl-wiechert"  # of the real recordings that are shown
 MOST_CAUSES = 12
+# Kinds on no list that softnn.mismatch.strangers has a law for, written knowing them.
+WITH_LAWS = ("creep_damage", "crystallisation", "one_way_flow", "thixotropy")
 DPI = 100  # small files: the figures lie in the repository
 
 Result = Mapping[str, Any]
@@ -132,6 +135,7 @@ def concealed(page: Page, found: Result) -> None:
     page.say("### What was found", bars_table(trials))
     for t in trials:
         page.say(hidden_sentence(t))
+        page.say(strangers_sentence(t))
     page.figure("proof-concealed", concealed_figure(trials), "right and alone")
     page.say("### What was not found, and why")
     for t in trials:
@@ -167,6 +171,25 @@ def hidden_sentence(trial: Result) -> str:
         f"{one['accepted']['of']} cases with one effect: a fit that would be accepted "
         f"by eye. In those the effect was named in {share(one['named'])}, and nothing "
         f"else with it in {share(one['right'])}."
+    )
+
+
+def strangers_sentence(trial: Result) -> str:
+    """What is on no list, with and without a law that was written for it."""
+    kinds = trial.get("unlisted", {})
+    apart = []
+    for known in (True, False):
+        own = [k for name, k in kinds.items() if (name in WITH_LAWS) == known]
+        apart.append(
+            Rate(sum(k["right"] for k in own), sum(k["of"] for k in own)).entry()
+        )
+    if not all(a["of"] for a in apart):
+        return ""
+    with_law, without = (f"{share(a)} of {a['of']}" for a in apart)
+    return (
+        f"At strength {strength_of(trial):g}, of what is on no list, kinds with a law "
+        f"of their own to compete with ({', '.join(WITH_LAWS)}) got no confident name "
+        f"in {with_law}; the other kinds, which softnn has no law for, in {without}."
     )
 
 

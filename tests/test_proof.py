@@ -11,6 +11,7 @@ import pytest
 from studies import cost, limits_report, proof
 from studies.common import plain
 from studies.concealed.scoring import Rate
+from studies.concealed.unlisted import UNLISTED
 
 
 def write(folder: Path, name: str, content: dict) -> None:
@@ -193,3 +194,24 @@ def test_older_results_are_read_too(missing, tmp_path):
     write(tmp_path / "results", "concealed", {"trials": {"y": one}})
     text = proof.make(tmp_path / "results", tmp_path).read_text()
     assert ("accepted by eye" in text) == (missing != "concealment")
+
+
+def test_kinds_that_a_law_was_written_for_are_counted_apart():
+    kinds = {
+        "thixotropy": (3, 4),
+        "one_way_flow": (4, 4),
+        "hum": (5, 5),
+        "tack": (4, 5),
+    }
+    found = trial(0.3, 30) | {
+        "unlisted": {k: Rate(*v).entry() for k, v in kinds.items()}
+    }
+    said = proof.strangers_sentence(found)
+    assert share_in(said) == ["88 % (53 to 98) of 8", "90 % (60 to 98) of 10"]
+    only = {"hum": Rate(5, 5).entry()}
+    assert proof.strangers_sentence(found | {"unlisted": only}) == ""
+    assert set(proof.WITH_LAWS) <= {kind.__name__ for kind in UNLISTED}
+
+
+def share_in(text: str) -> list[str]:
+    return re.findall(r"\d+ % \([^)]*\) of \d+", text)
