@@ -92,14 +92,18 @@ def measured(
 
 
 def run_on(chunks: Sequence[Chunk], continued: bool) -> list[Chunk]:
-    """The chunks with times that go on where `continued` recordings restart at zero."""
+    """The chunks with times that go on where `continued` recordings restart at zero.
+
+    They go on after a typical step, or the first one: holds are often recorded slowly.
+    """
     if not continued:
         return list(chunks)
     out: list[Chunk] = []
     for chunk in chunks:
         time = chunk.time_s
         if out and time[0] < out[-1].time_s[-1]:
-            step = np.median(np.diff(time)) if len(time) > 1 else 0.0
+            steps = np.diff(time)
+            step = min(np.median(steps), steps[0]) if len(steps) else 0.0
             time = time - time[0] + out[-1].time_s[-1] + step
         out.append(replace(chunk, time_s=time))
     return out

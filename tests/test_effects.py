@@ -15,7 +15,7 @@ from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch.strangers import STRANGERS
 from softnn.models.units import Units
-from softnn.simulate import Term, measured, reach, simulate
+from softnn.simulate import Term, measured, reach, run_on, simulate
 
 LAWS = [law for e in EFFECTS for law in (e, *e.second_forms)] + [*STRANGERS]
 UNITS = Units("pl-wiechert", (-1.0, 0.0, 0.4, 1.0), (0.3, 5.0))
@@ -453,3 +453,22 @@ def test_crystals_that_come_and_go_with_strain_are_a_spring(values, strange):
     assert law.strange(
         {p.name: p.default for p in law.parameters} | values, scales
     ) == (strange)
+
+
+@pytest.mark.parametrize(
+    ("first", "begun"),
+    [
+        ([0.0, 0.1, 0.2, 0.3], 1.1),
+        ([0.0, 0.1, 0.2, 5.2, 10.2], 1.1),  # a hold is recorded slowly
+        ([0.0, 5.0, 5.1, 5.2], 1.1),  # one sample late
+        ([0.0], 1.0),
+        ([7.0, 7.1], 7.0),  # a clock that runs on
+    ],
+)
+def test_recordings_that_go_on_do_so_at_once(first, begun):
+    one, two = (Chunk(np.array(t), np.zeros(len(t))) for t in ([0.0, 0.5, 1.0], first))
+    assert [id(c) for c in run_on([one, two], False)] == [id(one), id(two)]
+    same, after = run_on([one, two], True)
+    assert same.time_s is one.time_s
+    assert after.time_s[0] == pytest.approx(begun)
+    assert np.diff(after.time_s) == pytest.approx(np.diff(first))
