@@ -44,7 +44,13 @@ COMMANDS = {  # of the result files the page is made of
 BASE = "pl-wiechert"  # of the real recordings that are shown
 MOST_CAUSES = 12
 # Kinds on no list that softnn.mismatch.strangers has a law for, written knowing them.
-WITH_LAWS = ("creep_damage", "crystallisation", "one_way_flow", "thixotropy")
+WITH_LAWS = (
+    "creep_damage",
+    "crystallisation",
+    "one_way_flow",
+    "stiction",
+    "thixotropy",
+)
 DPI = 100  # small files: the figures lie in the repository
 
 Result = Mapping[str, Any]

@@ -472,3 +472,47 @@ def test_recordings_that_go_on_do_so_at_once(first, begun):
     assert same.time_s is one.time_s
     assert after.time_s[0] == pytest.approx(begun)
     assert np.diff(after.time_s) == pytest.approx(np.diff(first))
+
+
+def rubbed(rests, **values):
+    """Largest stress of contacts after each rest (s) between strokes to and fro."""
+    law = next(x for x in STRANGERS if x.id == "ageing")
+    values = law.defaults() | {"friction_MPa": 1.0, "travel": 0.05} | values
+    time, strain, ends = [0.0], [0.0], []
+    for i, rest in enumerate(rests):
+        time += [time[-1] + rest, time[-1] + rest + 1.0]
+        strain += [strain[-1], 0.4 * ((i + 1) % 2)]
+        ends.append(time[-1])
+    fine = np.linspace(0, time[-1], 20 * int(time[-1]) + 1)
+    chunk = Chunk(fine, np.interp(fine, time, strain))
+    stress = simulate(Units("hooke", (0.0, 1.0)), [0.0], [Term(law, values)], [chunk])
+    return [np.abs(stress[0][(fine > e - 1) & (fine <= e)]).max() for e in ends]
+
+
+def test_contacts_grow_at_rest_and_are_broken_by_travel():
+    plain = rubbed([1, 10, 50], growth=0.0, time_s=10.0)
+    assert plain == pytest.approx([1.0] * 3, abs=1e-3)
+    short, longer, longest = rubbed([1, 10, 50], growth=3.0, time_s=10.0)
+    assert 1 < short < longer < longest < 4
+    # What rest has built in one time is 1 - 1/e, as far as travel lets it show.
+    assert (longer - 1) / (longest - 1) == pytest.approx(1 - np.exp(-1), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("growth", "time", "friction", "strange"),
+    [
+        (3.0, 0.1, 1.0, True),
+        (3.0, 100.0, 1.0, False),  # in a hundred times as long
+        (50.0, 100.0, 1.0, True),
+        (0.2, 0.1, 1.0, False),
+        (3.0, 0.1, -1.0, False),
+    ],
+)
+def test_friction_that_does_not_grow_while_watched_has_a_name(
+    growth, time, friction, strange
+):
+    law = next(x for x in STRANGERS if x.id == "ageing")
+    scales = Data(("a",), (law.telltale(),), (law.telltale().strain,)).scales()
+    longest = float(scales.duration_s.max())
+    values = {"growth": growth, "time_s": time * longest, "friction_MPa": friction}
+    assert law.strange(values, scales) == strange

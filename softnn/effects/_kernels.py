@@ -217,3 +217,30 @@ def crystals(step, stretch, onset, melting, time, carried, out):
                 c = most + (c - most) * kept
             out[i, s] = c
         carried[s] = c
+
+
+@numba.njit(cache=True)
+def ageing(step, increment, strength, time, travel, carried, out):
+    """Friction of 1, and of `strength` more once contacts have been at rest for long.
+
+    `travel` breaks what rest has built in `time`; a fourth of it turns the force round.
+    `carried` (sets, 2): what rest has built, 0..1, and the force.
+    """
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if increment.shape[1] > 1 else 0
+        more = strength[s if strength.size > 1 else 0]
+        up = 1.0 / time[s if time.size > 1 else 0]
+        reach = travel[s if travel.size > 1 else 0]
+        m, z = carried[s]
+        for i in range(n):
+            way = abs(increment[i, j])
+            if step[i] > 0.0:
+                pace = up + way / reach / step[i]
+                rest = up / pace
+                m = rest + (m - rest) * np.exp(-pace * step[i])
+            if way > 0.0:
+                goal = (1.0 + more * m) * (1.0 if increment[i, j] > 0 else -1.0)
+                z = goal + (z - goal) * np.exp(-4.0 * way / reach)
+            out[i, s] = z
+        carried[s, 0], carried[s, 1] = m, z

@@ -2,7 +2,8 @@
 
 A list is never complete. What is named must explain more than these plain laws do:
 wear with time under load, structure that breaks with travel and heals at rest, flow
-that goes one way more easily than the other, crystals that stretch makes.
+that goes one way more easily than the other, crystals that stretch makes, friction that
+grows at rest.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
+
+GROWN = 0.3  # of what friction is, that it grows by in the longest recording
 
 
 class Stranger(Effect):
@@ -270,7 +273,74 @@ class Crystals(Stranger):
         ]
 
 
-STRANGERS = (Wear(), Structure(), OneWay(), Crystals())
+class Ageing(Stranger):
+    r"""Friction whose contacts grow stronger at rest (stiction).
+
+    .. math:: \sigma \to \sigma + F z, \quad
+              z' = \frac{4}{d} \left((1 + a m)\,\mathrm{sgn}\,\dot\varepsilon - z\right)
+              |\dot\varepsilon|, \quad
+              \dot m = (1 - m)/\tau - |\dot\varepsilon| m / d
+
+    Dieterich 1979, doi:10.1029/JB084iB05p02161, for contacts that age.
+    """
+
+    called = "ageing"
+    words = "friction that grows at rest"
+    ports = ("equilibrium",)
+    parameters = (
+        Parameter("friction_MPa", "MPa", -1e6, 1e6, 0.03, meaning="F"),
+        Parameter("growth", "-", 0.0, 50.0, 2.0, meaning="a"),
+        Parameter("time_s", "s", 1e-2, 1e6, 10.0, "log", "tau"),
+        Parameter("travel", "-", 1e-5, 10.0, 0.05, "log", "d, strain"),
+    )
+    off = {"friction_MPa": 0.0}
+    amplitude = "friction_MPa"
+    shape = ("growth",)
+    where = "where motion begins again after a rest, and at turns"
+    twins = {
+        "friction_hysteresis": "rests of several lengths, each before a start",
+        "relaxation_branch": "the same cycles at rates two decades apart",
+    }
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import ageing
+
+        last_time, last, carried = (
+            (signal.time_s[0], np.zeros((1, 1)), np.zeros((1, 2)))
+            if state is None
+            else state
+        )
+        step = np.diff(signal.time_s, prepend=last_time)
+        increment = np.diff(signal.strain, axis=0, prepend=last)
+        sets = max(increment.shape[1], *(v.size for v in p.values()))
+        carried = np.array(np.broadcast_to(carried, (sets, 2)))
+        out = np.empty((len(step), sets))
+        increment = np.ascontiguousarray(increment)
+        ageing(step, increment, p["growth"], p["time_s"], p["travel"], carried, out)
+        new = replace(signal, equilibrium=signal.equilibrium + p["friction_MPa"] * out)
+        return new, (signal.time_s[-1], signal.strain[-1:], carried)
+
+    def strange(self, values, scales):
+        # Friction that does not grow while it is watched has a name.
+        rest = float(np.max(scales.duration_s))
+        grown = values["growth"] * -np.expm1(-rest / values["time_s"])
+        return values["friction_MPa"] > 0 and bool(grown > GROWN)
+
+    def starts(self, scales):
+        middle = float(np.median(scales.duration_s))
+        return [
+            {
+                "friction_MPa": 0.02 * scales.stress_MPa,
+                "growth": 3.0,
+                "time_s": float(np.clip(t * middle, 1e-2, 1e6)),
+                "travel": float(np.clip(k * scales.strain, 1e-5, 10.0)),
+            }
+            for t in (0.03, 0.3)
+            for k in (0.02, 0.1, 0.4)
+        ]
+
+
+STRANGERS = (Wear(), Structure(), OneWay(), Crystals(), Ageing())
 
 
 def words(name: str) -> str:
