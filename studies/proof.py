@@ -193,9 +193,9 @@ def strangers_sentence(trial: Result) -> str:
         return ""
     with_law, without = (f"{share(a)} of {a['of']}" for a in apart)
     return (
-        f"At strength {strength_of(trial):g}, of what is on no list, kinds with a law "
-        f"of their own to compete with ({', '.join(WITH_LAWS)}) got no confident name "
-        f"in {with_law}; the other kinds, which softnn has no law for, in {without}."
+        f"At strength {strength_of(trial):g}, of what is on no list, the kinds that "
+        f"softnn has a law for by now ({', '.join(WITH_LAWS)}), some written after "
+        f"this trial, got no confident name in {with_law}; the others in {without}."
     )
 
 
