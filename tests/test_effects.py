@@ -475,7 +475,7 @@ def test_recordings_that_go_on_do_so_at_once(first, begun):
 
 
 def rubbed(rests, **values):
-    """Largest stress of contacts after each rest (s) between strokes to and fro."""
+    """Stress (n,) of contacts in each stroke to or fro that follows a rest (s)."""
     law = next(x for x in STRANGERS if x.id == "ageing")
     values = law.defaults() | {"friction_MPa": 1.0, "travel": 0.05} | values
     time, strain, ends = [0.0], [0.0], []
@@ -486,14 +486,18 @@ def rubbed(rests, **values):
     fine = np.linspace(0, time[-1], 20 * int(time[-1]) + 1)
     chunk = Chunk(fine, np.interp(fine, time, strain))
     stress = simulate(Units("hooke", (0.0, 1.0)), [0.0], [Term(law, values)], [chunk])
-    return [np.abs(stress[0][(fine > e - 1) & (fine <= e)]).max() for e in ends]
+    return [stress[0][(fine > e - 1) & (fine <= e)] for e in ends]
 
 
 def test_contacts_grow_at_rest_and_are_broken_by_travel():
-    plain = rubbed([1, 10, 50], growth=0.0, time_s=10.0)
-    assert plain == pytest.approx([1.0] * 3, abs=1e-3)
-    short, longer, longest = rubbed([1, 10, 50], growth=3.0, time_s=10.0)
+    rests = [1, 10, 50]
+    plain = rubbed(rests, growth=0.0, time_s=10.0)
+    assert [x[-1] for x in plain] == pytest.approx([1.0, -1.0, 1.0], abs=1e-3)
+    strokes = rubbed(rests, growth=3.0, time_s=10.0)
+    short, longer, longest = (np.abs(x).max() for x in strokes)
     assert 1 < short < longer < longest < 4
+    # Eight travels later next to nothing of it is left.
+    assert [x[-1] for x in strokes] == pytest.approx([1.0, -1.0, 1.0], abs=0.06)
     # What rest has built in one time is 1 - 1/e, as far as travel lets it show.
     assert (longer - 1) / (longest - 1) == pytest.approx(1 - np.exp(-1), abs=0.1)
 
@@ -512,7 +516,9 @@ def test_friction_that_does_not_grow_while_watched_has_a_name(
     growth, time, friction, strange
 ):
     law = next(x for x in STRANGERS if x.id == "ageing")
-    scales = Data(("a",), (law.telltale(),), (law.telltale().strain,)).scales()
+    chunk = law.telltale()
+    short = Chunk(chunk.time_s / 1e3, chunk.strain)
+    scales = Data(("a", "b"), (chunk, short), (chunk.strain,) * 2).scales()
     longest = float(scales.duration_s.max())
     values = {"growth": growth, "time_s": time * longest, "friction_MPa": friction}
     assert law.strange(values, scales) == strange
