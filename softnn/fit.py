@@ -24,6 +24,7 @@ from softnn.simulate import Memory, Term, measured, reach, run_on
 
 RIDGE = 1e-11  # of each diagonal entry: keeps collinear branches solvable
 KEPT = 6  # strains that reached the model, last asked for
+ROOM = 3e7  # numbers that may be kept so, where recordings are many
 
 Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
 
@@ -314,7 +315,8 @@ class Engine:
                 )
             springs, branch, state = self.columns(units, r, inner, state)
             out.append((signal, springs, branch))
-        if len(self._inputs) >= KEPT:
+        size = sum(springs.size + branch.size for _, springs, branch in out)
+        while self._inputs and len(self._inputs) >= min(KEPT, ROOM // max(size, 1)):
             del self._inputs[next(iter(self._inputs))]
         self._inputs[key] = out
         return out
