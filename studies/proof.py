@@ -47,6 +47,7 @@ MOST_CAUSES = 12
 WITH_LAWS = (
     "creep_damage",
     "crystallisation",
+    "leadscrew",
     "one_way_flow",
     "stiction",
     "thixotropy",

@@ -520,3 +520,94 @@ def test_friction_that_does_not_grow_while_watched_has_a_name(
     longest = float(scales.duration_s.max())
     values = {"growth": growth, "time_s": time * longest, "friction_MPa": friction}
     assert law.strange(values, scales) == strange
+
+
+def alone(name, time, strain, **values):
+    """Stress (n,) of one law on no list, on a spring of 1 MPa, less that spring."""
+    law = next(x for x in STRANGERS if x.id == name)
+    chunk = Chunk(np.asarray(time), np.asarray(strain))
+    terms = [Term(law, law.defaults() | values)]
+    return simulate(Units("hooke", (0.0, 1.0)), [1.0], terms, [chunk])[0] - strain
+
+
+@pytest.mark.parametrize(("way", "pace"), [(0.3, 1.0), (-0.3, 4.0)])
+def test_fluid_is_drawn_in_as_it_diffuses_and_pressed_out_faster(way, pace):
+    time = np.concatenate([[0.0, 1e-6], np.linspace(0.1, 20, 200)])
+    strain = np.where(time > 0, way, 0.0)
+    found = alone("one_way", time, strain, stiffness_MPa=2.0, time_s=8.0, faster=4.0)
+    k = np.array([1, 3, 5])
+    modes = np.exp(-(k**2) * pace * time[1:, None] / 8.0) / k**2
+    expected = 2.0 * way * modes.sum(axis=1) / (1 / k**2).sum()
+    assert found[1:] == pytest.approx(expected, abs=1e-5)
+
+
+def test_fluid_turns_from_one_pace_to_the_other_with_the_sign_of_its_pressure():
+    time = np.linspace(0, 60, 6001)
+    strain = np.interp(time, [0, 1, 20, 21, 60], [0, 0.3, 0.3, -0.1, -0.1])
+    values = {"stiffness_MPa": 1.0, "time_s": 8.0}
+    even = alone("one_way", time, strain, faster=1.0, **values)
+    quick = alone("one_way", time, strain, faster=5.0, **values)
+    drawn = time < 20
+    assert quick[drawn] == pytest.approx(even[drawn], abs=1e-12)
+    late = np.searchsorted(time, 26.0)
+    assert even[late] < 4 * quick[late] < 0
+
+
+@pytest.mark.parametrize(
+    ("faster", "stiffness", "strange"),
+    [
+        (1.0, 0.3, False),
+        (1.3, 0.3, False),
+        (2.0, 0.3, True),
+        (2.0, -0.3, False),  # fluid does not push the slab on
+    ],
+)
+def test_fluid_that_goes_both_ways_alike_is_relaxation(faster, stiffness, strange):
+    law = next(x for x in STRANGERS if x.id == "one_way")
+    assert law.strange({"faster": faster, "stiffness_MPa": stiffness}, None) == strange
+
+
+def test_flocs_break_beyond_a_load_alone_and_form_again():
+    time = np.linspace(0, 400, 8001)
+    strain = np.interp(time, [0, 1, 100, 101, 200, 201, 400], [0, 1, 1, 3, 3, 1, 1])
+    values = {"yield_strain": 1.0, "breaking_per_s": 0.1, "rebuild_s": 20.0}
+    stress = alone("flocs", time, strain, share=0.5, skeleton=0.4, **values)
+    lost = -stress / np.maximum(strain, 1e-9)
+    at = dict(zip((100, 200, 400), np.searchsorted(time, [100, 200, 400]), strict=True))
+    assert lost[1 : at[100]] == pytest.approx(0.0, abs=1e-12)
+    # At three times the load that breaks: 1 - 1 / (1 + k tau (3 - 1)) are broken.
+    assert lost[at[200]] == pytest.approx(0.4 * 0.5 * 0.8, rel=1e-3)
+    assert lost[at[400]] == pytest.approx(0.0, abs=1e-4)
+    # Compression breaks them as well.
+    other = alone("flocs", time, -strain, share=0.5, skeleton=0.4, **values)
+    assert other == pytest.approx(-stress)
+    sound = alone("flocs", time, strain, share=0.5, skeleton=0.0, **values)
+    assert sound == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("share", "rebuild", "strange"),
+    [(0.2, 0.5, True), (-0.2, 0.5, False), (0.2, 20.0, False)],
+)
+def test_flocs_that_form_again_while_watched_are_on_no_list(share, rebuild, strange):
+    law = next(x for x in STRANGERS if x.id == "flocs")
+    scales = Data(("a",), (law.telltale(),), (law.telltale().strain,)).scales()
+    values = {"share": share, "rebuild_s": rebuild * float(scales.duration_s[0])}
+    assert law.strange(values, scales) == strange
+
+
+def test_travel_that_wobbles_comes_again_at_each_pitch():
+    strain = np.linspace(0, 1, 1001)
+    values = {"size": 0.01, "pitch": 0.2, "phase": 0.7}
+    wobble = alone("wobble", 10 * strain, strain, **values)
+    assert wobble[::200] == pytest.approx(0.0, abs=1e-12)
+    assert wobble[200:] == pytest.approx(wobble[:-200], abs=1e-12)
+    assert np.ptp(wobble) == pytest.approx(0.02, rel=1e-3)
+    assert wobble[10] == pytest.approx(0.01 * (np.sin(0.1 * np.pi + 0.7) - np.sin(0.7)))
+
+
+@pytest.mark.parametrize(("pitch", "strange"), [(0.3, True), (0.7, False)])
+def test_a_wobble_longer_than_the_travel_is_a_spring(pitch, strange):
+    law = next(x for x in STRANGERS if x.id == "wobble")
+    scales = Data(("a",), (law.telltale(),), (law.telltale().strain,)).scales()
+    assert law.strange({"pitch": pitch * scales.strain}, scales) == strange

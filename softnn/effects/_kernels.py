@@ -175,23 +175,36 @@ def structure(step, travel, rebuild, breaking, carried, out):
 
 @numba.njit(cache=True)
 def valve(step, increment, time, faster, carried, out):
-    """Unit stress of a branch loaded on the way up alone, forgetting faster after."""
+    """Unit suction of fluid in a slab, which leaves `faster` than it is drawn in.
+
+    Diffusion by its first modes, k odd: weight 1/k^2, time `time` / k^2. While their
+    sum presses (negative) the valve is open. `carried` (sets, modes).
+    """
     n, sets = out.shape
+    modes = carried.shape[1]
+    all_of_it = 0.0
+    for k in range(modes):
+        all_of_it += 1.0 / (2 * k + 1) ** 2
     for s in range(sets):
         j = s if increment.shape[1] > 1 else 0
         tau = time[s if time.size > 1 else 0]
         r = faster[s if faster.size > 1 else 0]
-        q = carried[s]
+        total = 0.0
+        for k in range(modes):
+            total += carried[s, k]
         for i in range(n):
-            up = increment[i, j]
-            if up > 0.0:
-                x = step[i] / tau
-                lost = -np.expm1(-x)
-                q = (1.0 - lost) * q + (lost / x if x > 1e-9 else 1.0 - 0.5 * x) * up
-            else:
-                q = q * np.exp(-step[i] * r / tau)
-            out[i, s] = q
-        carried[s] = q
+            pressed = total + 0.5 * increment[i, j] < 0.0
+            x = step[i] / tau * (r if pressed else 1.0)
+            total = 0.0
+            for k in range(modes):
+                square = (2 * k + 1) ** 2
+                lost = -np.expm1(-x * square)
+                passed = lost / (x * square) if x * square > 1e-9 else 1.0
+                q = (1.0 - lost) * carried[s, k]
+                q += passed * increment[i, j] / square / all_of_it
+                carried[s, k] = q
+                total += q
+            out[i, s] = total
 
 
 @numba.njit(cache=True)

@@ -82,7 +82,6 @@ class Screen:
 
     def __init__(self, engine: Engine, base: Fit) -> None:
         self.engine, self.base = engine, base
-        k = len(base.guess.stiffness)
         live = np.concatenate(
             [
                 (base.guess.stiffness > 0) & (not base.fixed_base),
@@ -92,7 +91,7 @@ class Screen:
         columns = base.jacobian[:, live]
         self.q = span(columns)
         self.residual = base.residual - self.q @ (self.q.T @ base.residual)
-        self.k = k
+        self.plain: Array | None = None  # stress of the fit, once it is asked for
 
     def project(self, atoms: Array) -> Array:
         return atoms - self.q @ (self.q.T @ atoms)
@@ -102,8 +101,9 @@ class Screen:
         guess = self.base.guess
         with_it = replace(guess, pieces=guess.pieces + (piece,))
         changed, _ = self.engine.run(with_it, False)
-        plain, _ = self.engine.run(guess, False)
-        change = changed - plain
+        if self.plain is None:
+            self.plain, _ = self.engine.run(guess, False)
+        change = changed - self.plain
         if not piece.groups:
             return self.project(self.engine.whiten(change[:, None]))
         parts = np.stack(

@@ -1,27 +1,30 @@
 """Physics that has no name on the list of effects, but is known to be mistaken for it.
 
 A list is never complete. What is named must explain more than these plain laws do:
-wear with time under load, structure that breaks with travel and heals at rest, flow
-that goes one way more easily than the other, crystals that stretch makes, friction that
-grows at rest.
+wear with time under load, structure that breaks with travel or load and heals at rest,
+flow that goes one way more easily than the other, crystals that stretch makes, friction
+that grows at rest, travel that wobbles.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
+MODES = 3  # of diffusion
+OTHER = 1.5  # times as fast out as in, from which it is not the same
 GROWN = 0.3  # of what friction is, that it grows by in the longest recording
 
 
 class Stranger(Effect):
     """A law outside the list; its own id, since no file of `effects` is its own."""
 
-    stage = "material"
+    stage: Literal["rig", "material", "sensor"] = "material"
     called: str
     words: str
 
@@ -103,7 +106,7 @@ class Structure(Stranger):
     called = "structure"
     words = "structure that travel breaks and rest rebuilds"
     ports = ("equilibrium", "branches")
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("share", "-", -0.9, 0.9, 0.2, meaning="a"),
         Parameter("rebuild_s", "s", 1e-2, 1e5, 20.0, "log", "tau"),
         Parameter("breaking", "-", 1e-3, 1e4, 2.0, "log", "k, per strain"),
@@ -157,10 +160,14 @@ class Structure(Stranger):
 
 
 class OneWay(Stranger):
-    r"""A branch that forgets at another pace on the way back (a valve, fluid in pores).
+    r"""Fluid in the pores of a slab, drawn in slowly and pressed out quickly.
 
-    .. math:: \dot q = E \max(\dot\varepsilon, 0) - q / \tau, \quad
-              \tau = \tau_{in} \text{ on the way up}, \tau_{in}/r \text{ else}
+    .. math:: \dot q_k = w_k \dot\varepsilon - k^2 q_k / \tau, \quad
+              \sigma = E \sum q_k, \quad
+              \tau = \tau_{in} \text{ while } \sigma > 0, \tau_{in}/r \text{ else}
+
+    k = 1, 3, 5 the first modes of diffusion through the slab, w_k as 1/k^2. Biot 1941,
+    doi:10.1063/1.1712886.
     """
 
     called = "one_way"
@@ -169,7 +176,7 @@ class OneWay(Stranger):
     parameters = (
         Parameter("stiffness_MPa", "MPa", -1e6, 1e6, 0.3, meaning="E"),
         Parameter("time_s", "s", 1e-3, 1e6, 8.0, "log", "tau"),
-        Parameter("faster", "-", 0.05, 50.0, 4.0, "log", "r"),
+        Parameter("faster", "-", 1.0, 50.0, 4.0, "log", "r"),
     )
     off = {"stiffness_MPa": 0.0}
     amplitude = "stiffness_MPa"
@@ -184,17 +191,23 @@ class OneWay(Stranger):
         from softnn.effects._kernels import valve
 
         last_time, last, carried = (
-            (signal.time_s[0], np.zeros((1, 1)), 0.0) if state is None else state
+            (signal.time_s[0], np.zeros((1, 1)), np.zeros((1, MODES)))
+            if state is None
+            else state
         )
         step = np.diff(signal.time_s, prepend=last_time)
         increment = np.diff(signal.branch_strain, axis=0, prepend=last)
         sets = max(increment.shape[1], *(p[k].size for k in ("time_s", "faster")))
-        carried = np.broadcast_to(carried, (sets,)).astype(float)
+        carried = np.array(np.broadcast_to(carried, (sets, MODES)))
         out = np.empty((len(step), sets))
         increment = np.ascontiguousarray(increment)
         valve(step, increment, p["time_s"], p["faster"], carried, out)
         new = replace(signal, branches=signal.branches + p["stiffness_MPa"] * out)
         return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
+
+    def strange(self, values, scales):
+        # What goes both ways alike is relaxation, and suction holds back.
+        return values["stiffness_MPa"] > 0 and bool(values["faster"] > OTHER)
 
     def starts(self, scales):
         middle = float(np.median(scales.duration_s))
@@ -340,7 +353,116 @@ class Ageing(Stranger):
         ]
 
 
-STRANGERS = (Wear(), Structure(), OneWay(), Crystals(), Ageing())
+class Flocs(Structure):
+    r"""Structure that load breaks and rest rebuilds (thixotropy with a yield point).
+
+    .. math:: \sigma_b \to \sigma_b (1 - a (1 - \lambda)), \quad
+              \sigma_{eq} \to \sigma_{eq} (1 - b a (1 - \lambda)), \quad
+              \dot\lambda = (1 - \lambda)/\tau
+              - k \max(|\varepsilon| / \varepsilon_0 - 1, 0) \lambda
+
+    Mewis and Wagner 2009, doi:10.1016/j.cis.2008.09.005.
+    """
+
+    called = "flocs"
+    words = "structure that load breaks and rest rebuilds"
+    parameters = (
+        Parameter("share", "-", -0.9, 0.9, 0.2, meaning="a"),
+        Parameter("rebuild_s", "s", 1e-2, 1e5, 20.0, "log", "tau"),
+        Parameter("breaking_per_s", "1/s", 1e-5, 1e3, 0.3, "log", "k"),
+        Parameter("yield_strain", "-", 1e-6, 20.0, 0.1, "log", "epsilon_0"),
+        Parameter("skeleton", "-", 0.0, 1.0, 0.5, meaning="b"),
+    )
+    shape = ("yield_strain", "skeleton")
+    where = "beyond a load, less so after every rest"
+    twins = {
+        "mullins_softening": "the same cycles again after a pause",
+        "relaxation_branch": "the same cycles again after a pause",
+    }
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import structure
+
+        last_time, carried = (signal.time_s[0], 1.0) if state is None else state
+        step = np.diff(signal.time_s, prepend=last_time)
+        load = np.maximum(np.abs(signal.strain) / p["yield_strain"] - 1, 0)
+        load = np.ascontiguousarray(load * step[:, None])
+        sets = max(load.shape[1], *(v.size for v in p.values()))
+        carried = np.broadcast_to(carried, (sets,)).astype(float)
+        out = np.empty((len(step), sets))
+        structure(step, load, p["rebuild_s"], p["breaking_per_s"], carried, out)
+        broken = p["share"] * (1 - out)
+        new = replace(
+            signal,
+            equilibrium=signal.equilibrium * (1 - p["skeleton"] * broken),
+            branches=signal.branches * (1 - broken),
+        )
+        return new, (signal.time_s[-1], carried)
+
+    def strange(self, values, scales):
+        return values["share"] > 0 and super().strange(values, scales)
+
+    def starts(self, scales):
+        middle = float(np.median(scales.duration_s))
+        return [
+            {
+                "share": 0.2,
+                "rebuild_s": float(np.clip(t * middle, 1e-2, 1e5)),
+                "breaking_per_s": float(np.clip(k / middle, 1e-5, 1e3)),
+                "yield_strain": float(np.clip(0.25 * scales.strain, 1e-6, 20.0)),
+                "skeleton": 0.5,
+            }
+            for t in (0.1, 0.5)
+            for k in (3.0, 30.0)
+        ]
+
+
+class Wobble(Stranger):
+    r"""A periodic error of travel (a screw, a rack): strain wobbles with strain.
+
+    .. math:: \varepsilon \to \varepsilon
+              + A (\sin(2\pi \varepsilon / p + \varphi) - \sin\varphi)
+    """
+
+    stage = "rig"
+    called = "wobble"
+    words = "travel with an error that comes again at equal distances"
+    ports = ("strain", "branch_strain")
+    parameters = (
+        Parameter("size", "-", -1.0, 1.0, 0.01, meaning="A, strain"),
+        Parameter("pitch", "-", 1e-4, 20.0, 0.1, "log", "p, strain"),
+        Parameter("phase", "rad", -7.0, 7.0, 0.0, meaning="phi"),
+    )
+    off = {"size": 0.0}
+    amplitude = "size"
+    where = "at strains a pitch apart"
+    twins = {"nonlinear_elasticity": "the same travel from another place of the screw"}
+
+    def before(self, p, signal, state):
+        def turned(strain):
+            angle = 2 * np.pi * strain / p["pitch"] + p["phase"]
+            return strain + p["size"] * (np.sin(angle) - np.sin(p["phase"]))
+
+        new = replace(
+            signal,
+            strain=turned(signal.strain),
+            branch_strain=turned(signal.branch_strain),
+        )
+        return new, None
+
+    def strange(self, values, scales):
+        # What does not come again within the travel is the shape of a spring.
+        return bool(values["pitch"] < 0.5 * scales.strain)
+
+    def starts(self, scales):
+        return [
+            {"size": 0.01 * scales.strain, "pitch": k * scales.strain, "phase": phase}
+            for k in np.geomspace(0.08, 0.4, 15)
+            for phase in (0.0, np.pi / 2)
+        ]
+
+
+STRANGERS = (Wear(), Structure(), Flocs(), OneWay(), Crystals(), Ageing(), Wobble())
 
 
 def words(name: str) -> str:
