@@ -13,6 +13,8 @@ import softnn.effects
 from softnn.contracts import Chunk, Effect, InputError, Scales
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
+from softnn.mismatch.contest import at_best
+from softnn.mismatch.screen import Screen
 from softnn.mismatch.strangers import STRANGERS
 from softnn.models.units import Units
 from softnn.simulate import Term, measured, reach, run_on, simulate
@@ -553,6 +555,15 @@ def test_fluid_turns_from_one_pace_to_the_other_with_the_sign_of_its_pressure():
     assert even[late] < 4 * quick[late] < 0
 
 
+@pytest.mark.parametrize("way", [0.3, -0.3])
+def test_fluid_takes_steps_of_any_length(way):
+    fine = np.linspace(0, 10, 100_001)
+    values = {"stiffness_MPa": 1.0, "time_s": 8.0, "faster": 4.0}
+    exact = alone("one_way", fine, way * fine / 10, **values)
+    coarse = alone("one_way", fine[::5000], way * fine[::5000] / 10, **values)
+    assert coarse == pytest.approx(exact[::5000], abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("faster", "stiffness", "strange"),
     [
@@ -611,3 +622,34 @@ def test_a_wobble_longer_than_the_travel_is_a_spring(pitch, strange):
     law = next(x for x in STRANGERS if x.id == "wobble")
     scales = Data(("a",), (law.telltale(),), (law.telltale().strain,)).scales()
     assert law.strange({"pitch": pitch * scales.strain}, scales) == strange
+
+
+@pytest.mark.parametrize(("name", "size"), [("flocs", "share"), ("wobble", "size")])
+def test_branches_feel_what_springs_feel(name, size):
+    law = next(x for x in STRANGERS if x.id == name)
+    chunk = Chunk(np.linspace(0, 20, 401), np.linspace(0, 1, 401))
+    values = {"share": 0.5, "size": 0.02}
+    terms = [Term(law, law.defaults() | {size: values[size]})]
+    branches = np.where(np.arange(len(STIFFNESS)) < 3, 0.0, STIFFNESS)
+    plain = simulate(UNITS, branches, [], [chunk])[0]
+    moved = simulate(UNITS, branches, terms, [chunk])[0]
+    assert np.abs(moved - plain).max() > 0.01 * np.abs(plain).max()
+
+
+@pytest.mark.parametrize("pitch", [0.09, 0.137, 0.21, 0.33])
+def test_a_wobble_of_any_pitch_is_found(pitch):
+    law = next(x for x in STRANGERS if x.id == "wobble")
+    time = np.linspace(0, 20, 800)
+    chunk = Chunk(time, 0.4 * (1 - np.cos(0.3 * np.pi * time)) / 2)
+    values = {"size": 0.004, "pitch": 0.4 * pitch, "phase": 0.9}
+    units = Units("hooke", (0.0, 1.0))
+    noise = 0.002 * np.random.default_rng(0).standard_normal(800)
+    stress = simulate(units, [1.0], [Term(law, values)], [chunk])[0] + noise
+    engine = Engine(Data(("a",), (chunk,), (stress,)))
+    engine.set_noise([np.full(800, 0.002)], None)
+    base = fit(engine, Guess(units, np.array([1.0])))
+    found = at_best(engine, Screen(engine, base), law)
+    assert found is not None
+    assert found.chi2 < 1.1 * len(stress)
+    own = found.guess.pieces[0].values
+    assert own["pitch"] == pytest.approx(0.4 * pitch, rel=0.02)
