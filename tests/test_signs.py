@@ -186,6 +186,97 @@ def test_what_most_recordings_lose_is_the_material():
     assert "grip_slip" not in shown(recorded(slip, (0, 1, 2, 3)))
 
 
+def coarse(recordings, every):
+    chunks, stress = recordings
+    thin = [Chunk(c.time_s[::every], c.strain[::every]) for c in chunks]
+    return thin, [s[::every] for s in stress]
+
+
+@pytest.mark.parametrize("every", [1, 10, 11, 12])  # 300 to 25 samples of a loading
+def test_a_slip_shows_where_the_first_loading_has_few_samples(every):
+    found = shown(coarse(recorded(slip, (2,), noise=0.0005), every))
+    assert set(found) == {"grip_slip"}
+    assert found["grip_slip"]["slip"] == pytest.approx([0, 0, 0.05, 0, 0, 0], abs=0.015)
+
+
+def test_too_few_samples_show_no_slip():
+    assert "grip_slip" not in shown(coarse(recorded(slip, (2,), noise=0.0005), 15))
+
+
+def held(odd=(), response=0.0, law=np.tanh):
+    """Ramps to six strains, each then held; in `odd` strain moves by 0.06 meanwhile.
+
+    `response`: of what the stress would be if the specimen felt it.
+    """
+    rng = np.random.default_rng(5)
+    time = np.arange(0, 60.0, 0.05)
+    chunks, stress = [], []
+    for i, top in enumerate(np.linspace(0.4, 0.6, 6)):
+        strain = np.minimum(0.1 * time, top)
+        moved = 0.06 * (i in odd) * np.clip((time - 40.0) / 0.5, 0, 1)
+        felt = law(strain) + response * (law(strain + moved) - law(strain))
+        slack = 0.7 + 0.3 * np.exp(-np.maximum(time - 10 * top, 0) / 8)
+        chunks.append(Chunk(time, strain + moved))
+        stress.append(felt * slack + 0.001 * rng.standard_normal(len(time)))
+    return chunks, stress
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_strain_that_moves_in_a_hold_without_stress_is_a_slip(side):
+    chunks, stress = held((1, 4))
+    chunks = [Chunk(c.time_s, side * c.strain) for c in chunks]
+    found = shown((chunks, [side * s for s in stress]))
+    assert set(found) == {"grip_slip"}
+    expected = side * 0.06 * np.isin(range(6), (1, 4))
+    assert found["grip_slip"]["slip"] == pytest.approx(expected, abs=0.002)
+    moments = found["grip_slip"]["moment_s"]
+    assert moments[[1, 4]] == pytest.approx(40.0, abs=2.0)
+
+
+def test_strain_that_moves_in_a_hold_and_is_felt_is_none():
+    assert shown(held((1, 4), response=1.0)) == {}
+    assert shown(held((1, 4), response=0.3)) == {}
+    assert shown(held()) == {}
+
+
+def test_strain_that_moves_where_there_is_no_load_is_no_slip():
+    chunks, stress = held((1, 4))
+    broken = [0.001 * np.random.default_rng(i).standard_normal(1200) for i in range(6)]
+    stress = [broken[i] if i in (1, 4) else s for i, s in enumerate(stress)]
+    assert "grip_slip" not in shown((chunks, stress))
+
+
+def test_a_step_on_the_way_of_what_slides_is_no_slip():
+    def steps(time, strain, stress):
+        up = strain - 0.2
+        step = np.where(up < 0.03, up, np.where(up < 0.05, 0.03, up - 0.02))
+        return time, strain, stress + 3 * np.clip(step, 0, 0.06)
+
+    def sliding(time, strain):
+        return np.minimum(20 * strain, 1.0)
+
+    assert "grip_slip" not in shown(recorded(steps, (2,), material=sliding))
+
+
+def test_what_slides_moves_without_stress_and_does_not_slip():
+    def sliding(strain):
+        return np.minimum(20 * strain, 1.0)
+
+    assert shown(held((1, 4), law=sliding)) == {}
+
+
+def test_zeros_agree_as_well_as_the_usual_stress_is_large():
+    """One recording of ten times the stress does not make the others' zeros vague."""
+    chunks, stress = recorded(offset, (1, 4), noise=0.0005)
+    stress = [10 * s if i == 2 else s for i, s in enumerate(stress)]
+    assert set(
+        np.flatnonzero(shown((chunks, stress))["zero_offset"]["offset_MPa"])
+    ) == {
+        1,
+        4,
+    }
+
+
 def test_little_is_no_fault():
     def little(time, strain, stress):
         return time, strain, stress + 0.008

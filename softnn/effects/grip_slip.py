@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk, Effect, Parameter
 from softnn.effects._programmes import cycles
@@ -15,7 +16,9 @@ WIDE = 0.03  # of the time of the first loading: a slip takes no longer
 BACK = 0.03  # of the largest strain: less is no way back
 EVEN, STEADY = 3.0, 1.5  # ratios of the compliances, and speeds, beside it, at most
 LOUD, RARE = 8.0, 4.0  # noises, and times what is usual, that it must be
-FEW = 40  # samples of the first loading, too few to see a moment in
+FEW = 24  # samples of the first loading, too few to see a moment in
+YIELDS = 0.15  # of the load, by which its second half must raise it
+STILL = 0.1  # of strain at rest, that moves beside it; and of the stress it should make
 EVENLY = 0.004  # of the largest strain: as evenly as specimens are strained
 
 EARLY = (0.015, 0.03, 0.045, 0.06, 0.105)  # of a recording: its first loading
@@ -118,48 +121,80 @@ class RegrippedSlip(GripSlip):
 
 
 def _jump(chunk: Chunk, stress: Array) -> tuple[float, float]:
-    """Strain lost at once in the first loading, over the largest; and its moment [s].
+    """Strain lost at once in the first loading, of the largest; and its moment [s]."""
+    top, level = reach(chunk), noise(stress)
+    found = (0.0, 0.0)
+    for whole, lost_in in ((False, _in_motion), (True, _at_rest)):
+        time, strain, force = _first_loading(chunk, stress, whole)
+        if len(time) < FEW:
+            continue
+        step = float(np.median(np.diff(time)))
+        width = max(WIDE * (time[-1] - time[0]), 1.01 * step)
+        i = np.arange(len(time))
+        a, j, b = (np.searchsorted(time, time + k * width) for k in (-2, 1, 3))
+        inside = (time - time[0] > 2 * width) & (b < len(time)) & (i - a > 1)
+        edges = np.stack([a, i, j, b])[:, inside & (j > i)]
+        lost = lost_in(time, strain, force, edges, level)
+        most = float(lost.max(initial=0.0))
+        if most > max(found[0], EVENLY) * top:
+            moments = edges[1:3, lost > 0.9 * most]
+            middle = 0.5 * (time[moments[0, 0]] + time[moments[1, -1]])
+            found = (most / top, float(middle - chunk.time_s[0]))
+    return found
 
-    Strain that comes with less stress than before it and after it.
-    """
-    time, strain, force = _first_loading(chunk, stress)
-    if len(time) < FEW:
-        return 0.0, 0.0
-    width = WIDE * (time[-1] - time[0])
-    i = np.arange(len(time))
-    a, j, b = (np.searchsorted(time, time + k * width) for k in (-2, 1, 3))
-    inside = (time - time[0] > 2 * width) & (b < len(time)) & (i - a > 1) & (j - i > 0)
-    a, i, j, b = a[inside], i[inside], j[inside], b[inside]
+
+def _in_motion(
+    time: Array, strain: Array, force: Array, edges: NDArray[np.integer], level: float
+) -> Array:
+    """Strain that comes with less stress than before it and after it."""
+    a, i, j, b = edges
     rises = np.stack([force[i] - force[a], force[b] - force[j]])
     ways = np.stack([strain[i] - strain[a], strain[b] - strain[j]])
     speeds = ways / np.stack([time[i] - time[a], time[b] - time[j]])
-    clear = (rises.min(axis=0) > QUIET * noise(stress)) & (ways.min(axis=0) > 0)
+    clear = (rises.min(axis=0) > QUIET * level) & (ways.min(axis=0) > 0)
     clear &= speeds.max(axis=0) < STEADY * speeds.min(axis=0)
     if not clear.any():
-        return 0.0, 0.0
-    i, j = i[clear], j[clear]
-    soft = ways[:, clear] / rises[:, clear]
-    lost = strain[j] - strain[i] - soft.max(axis=0) * (force[j] - force[i])
-    even = soft.max(axis=0) < EVEN * soft.min(axis=0)
-    loud = lost / soft.max(axis=0) < LOUD * noise(stress)
-    usual = float(np.quantile(np.abs(lost), 0.75))
-    lost = np.where(even & ~loud & (lost > RARE * usual), lost, 0.0)
-    most = float(lost.max())
-    if not most > 0:
-        return 0.0, 0.0
-    whole = np.flatnonzero(lost > 0.9 * most)
-    middle = 0.5 * (time[i[whole[0]]] + time[j[whole[-1]]])
-    return most / reach(chunk), float(middle - chunk.time_s[0])
+        return np.zeros(len(i))
+    soft = ways / np.where(clear, rises, 1.0)
+    softer = soft.max(axis=0)
+    lost = strain[j] - strain[i] - softer * (force[j] - force[i])
+    usual = float(np.quantile(np.abs(lost[clear]), 0.75))
+    clear &= softer < EVEN * soft.min(axis=0)
+    clear &= lost > np.maximum(LOUD * level * softer, RARE * usual)
+    return np.where(clear, lost, 0.0)
 
 
-def _first_loading(chunk: Chunk, stress: Array) -> tuple[Array, Array, Array]:
-    """Time, and strain and stress counted upwards, before strain first comes back."""
+def _at_rest(
+    time: Array, strain: Array, force: Array, edges: NDArray[np.integer], level: float
+) -> Array:
+    """Strain that moves between two rests under load, and next to no stress with it."""
+    a, i, j, b = edges
+    way = strain[j] - strain[i]
+    beside = np.maximum(np.abs(strain[i] - strain[a]), np.abs(strain[b] - strain[j]))
+    most = np.maximum.accumulate(force - force[0])
+    load = most[i]
+    # As stiff as the loading was; what relaxes meanwhile is no answer.
+    due = load * way / np.maximum(strain[i] - strain[0], 1e-12)
+    half = np.searchsorted(np.maximum.accumulate(strain), 0.5 * (strain[i] + strain[0]))
+    clear = load - most[half] > YIELDS * load  # what slides moves at one stress
+    clear &= (beside < STILL * way) & (due > LOUD * level)
+    return np.where(clear & (force[j] - force[i] < STILL * due), way, 0.0)
+
+
+def _first_loading(
+    chunk: Chunk, stress: Array, whole: bool
+) -> tuple[Array, Array, Array]:
+    """Time, and strain and stress counted upwards, before strain first comes back.
+
+    `whole`: with a rest at its end.
+    """
     top = reach(chunk)
     side = np.sign(chunk.strain[np.argmax(np.abs(chunk.strain) > BACK * top)])
     strain = side * chunk.strain
     most = np.maximum.accumulate(strain)
     back = most - strain > BACK * top
     end = int(np.argmax(back)) if back.any() else len(back)
-    end = int(np.argmax(most[:end] > 0.98 * most[end - 1]))
+    if not whole:
+        end = int(np.argmax(most[:end] > 0.98 * most[end - 1]))
     good = np.flatnonzero(np.isfinite(stress[:end]))
     return chunk.time_s[good], strain[good], side * stress[good]

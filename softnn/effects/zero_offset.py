@@ -10,7 +10,7 @@ from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import ramps
 from softnn.effects._signs import FEWEST, at_rest, minority, noise, peak
 
-TARED = 0.004  # of the peak stress: as well as zeros agree
+TARED = 0.004  # of the usual peak stress: as well as zeros agree
 
 
 class ZeroOffset(Effect):
@@ -55,7 +55,7 @@ class ZeroOffset(Effect):
         if len(known) < FEWEST:
             return None
         floor = max(
-            TARED * max(map(peak, stress_MPa)),
+            TARED * float(np.median([peak(s) for s in stress_MPa])),
             float(np.median([noise(s) for s in stress_MPa])),
         )
         odd = known[minority(level[known], floor)]
