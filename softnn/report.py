@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+RIGHT, TOP, BOTTOM, GAP = 0.15, 0.5, 0.45, (0.75, 0.75)  # of figures, inches
 INK, BASE, GOOD, SHADE = "#222222", "#c1440e", "#1f6f8b", "#f2d6a2"
 
 
@@ -42,13 +43,29 @@ def write_report(found: Any, folder: str | Path) -> list[Path]:
     return [*written, page]
 
 
-def _figure(rows: int, columns: int, height: float) -> Any:
+def _figure(rows: int, columns: int, height: float, left: float = 0.75) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, height), layout="constrained")
+    # Margins and gaps in inches: to have them worked out takes as long as to draw.
+    wide, high = 11.0, height
+    figure = Figure(figsize=(wide, high))
     FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, columns, squeeze=False)
+    across = (wide - left - RIGHT - (columns - 1) * GAP[0]) / columns
+    down = (high - TOP - BOTTOM - (rows - 1) * GAP[1]) / rows
+    axes = figure.subplots(
+        rows,
+        columns,
+        squeeze=False,
+        gridspec_kw={
+            "left": left / wide,
+            "right": 1 - RIGHT / wide,
+            "bottom": BOTTOM / high,
+            "top": 1 - TOP / high,
+            "wspace": GAP[0] / across,
+            "hspace": GAP[1] / down,
+        },
+    )
     for axis in axes.flat:
         axis.tick_params(labelsize=8)
         axis.spines[["top", "right"]].set_visible(False)
@@ -99,7 +116,9 @@ def _recordings(found: Any) -> Any:
         from matplotlib.patches import Patch
 
         handles, labels = [*handles, Patch(color=SHADE)], [*labels, "mismatch"]
-    axes.flat[0].legend(handles, labels, fontsize=7, frameon=False)
+    figure.legend(
+        handles, labels, loc="upper right", ncols=4, fontsize=7, frameon=False
+    )
     return figure
 
 
@@ -138,7 +157,7 @@ def _residuals(found: Any) -> Any:
 
 def _rivals(found: Any) -> Any:
     rows = found.result["candidates"][:10]
-    figure, axes = _figure(1, 1, 0.9 + 0.3 * len(rows))
+    figure, axes = _figure(1, 1, 0.9 + 0.3 * len(rows), left=2.3)
     axis = axes[0, 0]
     labels = [r["effect"] or "base alone" for r in rows][::-1]
     errors = [100 * r["heldout_nrmse"] for r in rows][::-1]

@@ -27,6 +27,7 @@ NEAR = 0.8  # of the gain of a richer law, from which a simpler one may stand fo
 CLOSE = 0.01  # of the gain of a law: no form is true, and by so much it may be ahead
 ALIKE = 0.02  # the same where it has values of its own, and a law for all has none
 MOST = 0.6  # of the recordings
+SOUGHT = 0.2  # of what effects gain, from which a law on no list is fitted
 TWO = 2  # recordings, of which any number is most
 END = 0.05  # of the way from what is usual to the end of a range, left at that end
 
@@ -343,13 +344,16 @@ def at_best(
     return min(*better, best, lifted(engine, best, index), key=score)
 
 
-def strangers(engine: Engine, base: Fit) -> list[Rival]:
-    """What laws on no list make of what a base misses, best first."""
+def strangers(engine: Engine, base: Fit, gain: float = 0.0) -> list[Rival]:
+    """What laws on no list make of what a base misses, best first.
+
+    Those that promise at least a share of `gain`, what the effects take up of chi2.
+    """
     screen = Screen(engine, base)
     out = []
     for law in STRANGERS:
         clock = time.perf_counter()
-        trial = at_best(engine, screen, law)
+        trial = at_best(engine, screen, law, SOUGHT * gain)
         if trial is None:
             continue
         piece = next(p for p in trial.guess.pieces if p.effect.id == law.id)

@@ -251,7 +251,7 @@ def search(
         current.chi2 / n - 1,
         (bent(engine, current) if steps else base.fit.chi2) / n - 1,
         first,
-        strangers(engine, base.fit) if steps else [],
+        strangers(engine, base.fit, base.fit.chi2 - current.chi2) if steps else [],
         beside,
     )
 

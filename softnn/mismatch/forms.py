@@ -14,10 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Guess, _bounded, derivative, fit, slots, span
+from softnn.models.unit_kernel import maxwell
 
 GAP = 6.0  # typical intervals, beyond which something may have happened unseen
 MOST_GAPS = 3  # of a recording, the longest, whose memory is allowed for
@@ -122,7 +122,9 @@ def _trailing(x: Array, time: Array, owner: NDArray[np.integer], lag_s: float) -
         own = owner == r
         step = float(np.median(np.diff(time[own]))) if own.sum() > 1 else lag_s
         keep = float(np.exp(-max(step, 1e-12) / lag_s))
-        out[own] = lfilter([1 - keep], [1, -keep], x[own], zi=[keep * x[own][0]])[0]
+        decay, one = np.full((own.sum(), 1), keep), np.empty((own.sum(), 1))
+        maxwell(decay, 1 - decay, x[own], x[own][:1], one)
+        out[own] = one[:, 0]
     return out
 
 
