@@ -422,6 +422,8 @@ class Wobble(Stranger):
 
     .. math:: \varepsilon \to \varepsilon
               + A (\sin(2\pi \varepsilon / p + \varphi) - \sin\varphi)
+
+    ISO 230-2:2014 asks for targets within a pitch because of such errors of an axis.
     """
 
     stage = "rig"
