@@ -13,6 +13,9 @@ from softnn.effects._signs import peak, reach
 
 NEVER_MPa = 1e6
 FLAT = (0.02, 3.0)  # of the largest strain; times as wide as other levels
+# Limit, of the usual peak stress, and knee. What is clipped by little is noise on the
+# limit, and the usual peak lies below it.
+STARTS = ((0.97, 0.0), (0.9, 0.0), (1.0, 0.08), (1.0, 0.0), (1.03, 0.0))
 
 
 class LoadCellSaturation(Effect):
@@ -54,7 +57,7 @@ class LoadCellSaturation(Effect):
     def starts(self, scales):
         return [
             {"limit_MPa": float(share * scales.stress_MPa), "knee": k}
-            for share, k in ((0.97, 0.0), (0.9, 0.0), (1.0, 0.08))
+            for share, k in STARTS
         ]
 
     def shown(self, chunks, stress_MPa):

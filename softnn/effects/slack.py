@@ -21,6 +21,7 @@ from softnn.effects._signs import (
 
 LITTLE = 0.01  # of the least peak stress: none yet
 TAUT = 0.003  # of the largest strain: as well as grips are closed
+GAPS = (0.04, 0.01)  # of the largest strain: a large one hides where a small one ends
 START = 0.5  # of the largest strain: the first loading
 FASTER = 1.3  # than what is taut: too fast to be held against it
 MOST = 0.75  # of the recordings, that may be slack beside others that are taut
@@ -86,7 +87,7 @@ class Slack(Effect):
         return (Foot(),)
 
     def starts(self, scales):
-        return [{"gap": 0.04 * scales.strain, "toe": 0.0}]
+        return [{"gap": share * scales.strain, "toe": 0.0} for share in GAPS]
 
     def shown(self, chunks, stress_MPa):
         """Strain without stress, where others have stress at once."""

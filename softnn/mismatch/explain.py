@@ -46,7 +46,10 @@ COARSE = 1.5  # misfit over noise, a sample, from which a finer spring may help
 FAR = 8.0  # excess of misfit over noise, a sample, that no form here comes near
 CLEAR = 1.5  # times the threshold of noise, which a later effect must gain
 PLAINLY = 4.0  # the same where as little is left as noise leaves
-SURE = 1.7  # times the threshold of noise, which the first effect must gain
+# What the first effect must gain: times the threshold of noise, and of score. More of
+# one that seeks a moment in each recording: noise has many for it to find.
+SURE = {False: (1.3, 10.0), True: (1.7, 20.0)}
+TRIED = 5  # first effects that are tried against what they leave as noise
 # What a later effect must win beyond the forms of the earlier ones: shares of what they
 # leave and of what they gained. One that is small beside them must leave little; and
 # less still where it has a value of its own in each recording, which fits anything.
@@ -271,13 +274,19 @@ def resolved(engine: Engine, base: Baseline, current: Fit) -> Fit:
 
 def enough(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
     """Whether the first effect gains well over noise, and over a finer base."""
-    needed = SURE * threshold
-    if before.chi2 - after.chi2 < needed or score(before) - score(after) < 20:
+    laws = [p.effect for p in after.guess.pieces if not p.nuisance]
+    times, worth = SURE[any(len(law.per_recording) > 1 for law in laws)]
+    needed = times * threshold
+    if before.chi2 - after.chi2 < needed or score(before) - score(after) < worth:
         return False
-    left = remembered(engine, finer(engine, before))
-    gain = left - remembered(engine, finer(engine, after))
     price = (after.parameters - before.parameters) * np.log(len(before.residual))
-    return bool(gain > max(needed, price))
+    return bool(over_finer(engine, before, after) > max(needed, price))
+
+
+def over_finer(engine: Engine, before: Fit, after: Fit) -> float:
+    """What is gained of chi2 where a finer base takes up what the grid misses."""
+    left = remembered(engine, finer(engine, before))
+    return left - remembered(engine, finer(engine, after))
 
 
 def reweighed(base: Baseline, found: list[Rival], threshold: float) -> list[Rival]:
@@ -287,7 +296,7 @@ def reweighed(base: Baseline, found: list[Rival], threshold: float) -> list[Riva
     and so hides itself; in noise alone a rival changes next to nothing of it.
     """
     engine = base.engine
-    for rival in found[:3]:
+    for rival in found[:TRIED]:
         if base.fit.chi2 - rival.fit.chi2 < threshold:
             continue
         weigh(engine, rival.fit)
@@ -358,8 +367,13 @@ def admitted(
     if len(gains) > 2 and gains[0] < little and gains[2] > VAGUE[1] * gains[0]:
         return []
     for i, rival in enumerate(found):
-        if adds(engine, base, before, rival.fit, threshold):
-            return [rival, *found[:i], *found[i + 1 :]]
+        if not adds(engine, base, before, rival.fit, threshold):
+            continue
+        # A small one may be no more than the grid of the base.
+        small = before.chi2 - rival.fit.chi2 < FEW * threshold and not engine.body
+        if small and over_finer(engine, before, rival.fit) < CLEAR * threshold:
+            continue
+        return [rival, *found[:i], *found[i + 1 :]]
     return []
 
 
