@@ -514,8 +514,11 @@ def test_the_first_that_adds_goes_in_front(monkeypatch):
     found = [contest.Rival(name, SimpleNamespace(name=name), 0.0) for name in "abc"]
     monkeypatch.setattr(explain, "score", lambda fit: 0.0)
     monkeypatch.setattr(explain, "adds", lambda e, b, c, fit, t: fit.name == "b")
+    monkeypatch.setattr(explain, "of_grid", lambda *a: False)
     taken = explain.admitted(None, None, None, found, 1.0)
     assert [r.effect for r in taken] == ["b", "a", "c"]
+    monkeypatch.setattr(explain, "of_grid", lambda e, b, fit, t: fit.name == "b")
+    assert explain.admitted(None, None, None, found, 1.0) == []
     monkeypatch.setattr(explain, "adds", lambda *a: False)
     assert explain.admitted(None, None, None, found, 1.0) == []
 
@@ -1098,6 +1101,7 @@ def test_where_many_gain_the_same_little_none_is_named(monkeypatch, gains, taken
         for law, gain in zip(laws, gains, strict=False)
     ]
     monkeypatch.setattr(explain, "adds", lambda *a: True)
+    monkeypatch.setattr(explain, "of_grid", lambda *a: False)
     base, before = fitted_to(2500.0), fitted_to(0.0)
     assert bool(explain.admitted(None, base, before, found, 15.0)) == taken
     # Beside a first that gained no more than that, all of it counts.
@@ -1197,3 +1201,49 @@ def test_a_share_of_none_or_all_is_no_end():
     free = tuple(p.name for p in law.parameters)
     assert not contest.ended(Piece(law, law.defaults() | {"viscous_share": 0.0}, free))
     assert contest.ended(Piece(law, law.defaults() | {"sharpness": 0.0201}, free))
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "worth", "taken"),
+    [
+        # A law for all recordings, or with one value of its own in each.
+        ("mullins_softening", 1.4, 11.0, True),
+        ("zero_offset", 1.4, 11.0, True),
+        ("zero_offset", 1.2, 11.0, False),
+        ("zero_offset", 1.4, 9.0, False),
+        # One that seeks a moment in each finds some in noise.
+        ("grip_slip", 1.6, 21.0, False),
+        ("grip_slip", 1.8, 19.0, False),
+        ("grip_slip", 1.8, 21.0, True),
+    ],
+)
+def test_the_first_effect_must_gain_well_over_noise(
+    monkeypatch, name, times, worth, taken
+):
+    threshold = 15.0
+    pieces = (SimpleNamespace(effect=effect(name), nuisance=False),)
+
+    def fitted(chi2, pieces, parameters):
+        guess = SimpleNamespace(pieces=pieces)
+        return SimpleNamespace(
+            chi2=chi2, guess=guess, parameters=parameters, residual=np.zeros(900)
+        )
+
+    before, after = fitted(1000.0, (), 5), fitted(1000.0 - times * 15, pieces, 6)
+    monkeypatch.setattr(explain, "score", lambda fit: 0 if fit is after else worth)
+    monkeypatch.setattr(explain, "over_finer", lambda *a: times * threshold)
+    assert explain.enough(None, before, after, threshold) == taken
+    # What a finer base takes up as well is none.
+    monkeypatch.setattr(explain, "over_finer", lambda *a: 0.9 * threshold)
+    assert not explain.enough(None, before, after, threshold)
+
+
+def test_a_later_effect_is_not_what_the_grid_misses(monkeypatch):
+    engine, fits = SimpleNamespace(body=False), SimpleNamespace
+    before, little, much = fits(chi2=9000.0), fits(chi2=8900.0), fits(chi2=8000.0)
+    monkeypatch.setattr(explain, "over_finer", lambda *a: 10.0)
+    assert explain.of_grid(engine, before, little, 15.0)
+    assert not explain.of_grid(engine, before, much, 15.0)
+    assert not explain.of_grid(SimpleNamespace(body=True), before, little, 15.0)
+    monkeypatch.setattr(explain, "over_finer", lambda *a: 50.0)
+    assert not explain.of_grid(engine, before, little, 15.0)

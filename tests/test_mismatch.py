@@ -16,11 +16,13 @@ from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import diagnose, diagnosis, explain, read_case, verify
+from softnn.mismatch.base import baseline
 from softnn.mismatch.case import mask_gaps, thin, to_data
-from softnn.mismatch.contest import Rival, candidates, names
+from softnn.mismatch.contest import ENTRY, Rival, at_best, candidates, names
 from softnn.mismatch.diagnosis import _probability, worse
 from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
 from softnn.mismatch.model_file import from_dict, read_model, to_dict
+from softnn.mismatch.screen import Screen
 from softnn.mismatch.verify import heldout, ratio_interval
 from softnn.models.units import Units
 from softnn.recording import Recording
@@ -187,6 +189,28 @@ def test_a_gap_that_all_recordings_have_is_measured_whole(tmp_path):
     told = found["explanations"][0]["parameters"]
     for i, gap in enumerate(gaps):
         assert told[f"gap of r{i}"]["value"] == pytest.approx(gap, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        # Gaps of 2 % of the largest strain and less; 1.5 % of the stress cut off.
+        ("slack", {"gap": np.array([4, 12, 1, 9, 6]) * 1e-3, "toe": 0.0}),
+        ("slack", {"gap": np.array([4, 12, 1, 9, 6]) * 3e-4, "toe": 0.0}),
+        ("load_cell_saturation", {"limit_MPa": 0.985 * 0.7201, "knee": 0.0}),
+    ],
+)
+def test_a_score_test_promises_what_a_fit_of_something_small_gains(
+    tmp_path, name, values
+):
+    law = effect(name)
+    case = read_case(write_case(tmp_path / "c", [Term(law, values)], noise=0.0006))
+    base = baseline(to_data(case), "pl-wiechert")
+    screen = Screen(base.engine, base.fit)
+    leads, _ = screen.lead(law, ENTRY)
+    gained = base.fit.chi2 - at_best(base.engine, screen, law).chi2
+    assert gained > 400
+    assert max(lead.gain for lead in leads) > 0.95 * gained
 
 
 def test_scale_between_specimens_is_no_news(tmp_path):

@@ -367,14 +367,18 @@ def admitted(
     if len(gains) > 2 and gains[0] < little and gains[2] > VAGUE[1] * gains[0]:
         return []
     for i, rival in enumerate(found):
-        if not adds(engine, base, before, rival.fit, threshold):
-            continue
-        # A small one may be no more than the grid of the base.
-        small = before.chi2 - rival.fit.chi2 < FEW * threshold and not engine.body
-        if small and over_finer(engine, before, rival.fit) < CLEAR * threshold:
-            continue
-        return [rival, *found[:i], *found[i + 1 :]]
+        if adds(engine, base, before, rival.fit, threshold) and not of_grid(
+            engine, before, rival.fit, threshold
+        ):
+            return [rival, *found[:i], *found[i + 1 :]]
     return []
+
+
+def of_grid(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
+    """Whether the little that a later effect gains is what the base's grid misses."""
+    if engine.body or before.chi2 - after.chi2 > FEW * threshold:
+        return False
+    return over_finer(engine, before, after) < CLEAR * threshold
 
 
 def adds(
