@@ -110,13 +110,22 @@ def one_way_flow(c: Context, size: float) -> Planted:
 
 
 def leadscrew(c: Context, size: float) -> Planted:
-    """A periodic error of the machine's travel: strain wobbles with strain."""
-    pitch = c.pace.peak * c.rng.uniform(0.1, 0.25)
+    """Each turn of the screw errs, from its thread's skewed flanks, most where worn."""
+    peak = c.pace.peak
+    pitch, phase = peak * c.rng.uniform(0.06, 0.35), c.rng.uniform(0, 2 * np.pi)
+    skew = c.rng.uniform(0.3, 0.7)
+    worn, spread = peak * c.rng.uniform(0.2, 0.8), peak * c.rng.uniform(0.3, 0.6)
+
+    def error(strain: Array) -> Array:
+        turn = 2 * np.pi * strain / pitch + phase
+        flank = np.arctan2(skew * np.sin(turn), 1 - skew * np.cos(turn))
+        wear = 0.4 + 0.6 * np.exp(-0.5 * ((strain - worn) / spread) ** 2)
+        return wear * flank / np.arcsin(skew)
 
     def rig(i: int, programme: Imposed, strain: Array) -> Array:
-        return strain + size * c.pace.peak * np.sin(2 * np.pi * strain / pitch)
+        return strain + size * peak * (error(strain) - error(np.zeros(1)))
 
-    return Planted("leadscrew", "periodic travel error", {"pitch": pitch}, rig=rig)
+    return Planted("leadscrew", "skewed and worn", {"pitch": pitch}, rig=rig)
 
 
 def creep_damage(c: Context, size: float) -> Planted:
