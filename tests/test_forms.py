@@ -622,8 +622,9 @@ def test_other_first_effects_are_tried_where_one_has_values_everywhere(
 @pytest.mark.parametrize(("values", "sure"), [(10, True), (20, False)])
 def test_values_of_recordings_must_pay_for_themselves(monkeypatch, values, sure):
     # 200 gained, of which 80 are what nobody wrote down; ln(1000) = 6.9 a value.
-    before = SimpleNamespace(chi2=1200.0, parameters=3, residual=np.zeros(1000))
-    after = SimpleNamespace(chi2=1000.0, parameters=3 + values, residual=np.zeros(1000))
+    same = {"residual": np.zeros(1000), "guess": SimpleNamespace(pieces=())}
+    before = SimpleNamespace(chi2=1200.0, parameters=3, **same)
+    after = SimpleNamespace(chi2=1000.0, parameters=3 + values, **same)
     monkeypatch.setattr(explain, "finer", lambda engine, found: found)
     unseen = {id(before): 80.0, id(after): 0.0}
     monkeypatch.setattr(

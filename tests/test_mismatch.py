@@ -607,6 +607,14 @@ def test_a_wait_before_the_pull_is_no_hold(levels, only):
     assert only_loading(Engine(data)) == only
 
 
+@pytest.mark.parametrize(("dwell_s", "only"), [(4.0, True), (12.0, False)])
+def test_a_short_dwell_at_the_end_of_a_pull_is_no_hold(dwell_s, only):
+    time = np.arange(0, 40 + dwell_s, 0.1)
+    chunk = Chunk(time, 0.02 * np.minimum(time, 40.0))
+    data = Data(("a",), (chunk,), (chunk.strain,))
+    assert only_loading(Engine(data)) == only
+
+
 @pytest.mark.parametrize(
     ("levels", "shown"),
     [

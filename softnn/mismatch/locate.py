@@ -24,7 +24,7 @@ WINDOWS = (8, 16, 32, 64, 128, 256)
 SIGMAS = 2.0  # beyond which an effect is said to act
 RESTING = 0.05  # of the largest strain, below which a specimen is not strained yet
 BACK = 0.1  # of the largest strain: less is no way back
-LOADING = 0.95  # share of the samples of a recording that only loads
+LOADING = 0.85  # of the time under strain: a machine dwells a little before it turns
 
 
 @dataclass(frozen=True)
@@ -102,14 +102,19 @@ def turns(x: Array, band: float) -> Array:
 def only_loading(engine: Engine) -> bool:
     """Whether no recording comes back or holds: nothing but first loading was seen.
 
-    A wait before it, at next to no strain, is no hold.
+    A wait before it, at next to no strain, is no hold, nor is a short dwell at its end.
     """
-    loading = BRANCHES.index("first loading")
-    return all(
-        np.mean((phases(c).branch == loading) | (size < RESTING * size.max())) > LOADING
-        for c in engine.chunks
-        for size in [np.abs(c.strain)]
-    )
+    return all(_loading(chunk) > LOADING for chunk in engine.chunks)
+
+
+def _loading(chunk: Chunk) -> float:
+    """Share of the time under strain that is spent in first loading."""
+    size = np.abs(chunk.strain)
+    if len(size) < 2:
+        return 1.0
+    lasting = np.gradient(chunk.time_s) * (size >= RESTING * size.max())
+    first = phases(chunk).branch == BRANCHES.index("first loading")
+    return float(np.sum(lasting[first]) / max(np.sum(lasting), 1e-300))
 
 
 def held_only(engine: Engine) -> bool:
