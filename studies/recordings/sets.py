@@ -175,9 +175,10 @@ SETS: dict[str, About] = {
             ),
         ),
     ),
+    # At one rate its first loadings differ by up to 22 %, at all strains alike: so many
+    # strips, each with its scale. (Those of the other laboratory differ by 5 %.)
     "vhb4910-hossain2012-digitised": About(
         hold=("rate", "amplitude"),
-        specimens=False,
         kinds=(
             (
                 "",
@@ -186,6 +187,7 @@ SETS: dict[str, About] = {
                     ("mullins_softening", "cyclic_softening"),
                     (VHB, FINITE),
                     "nonlinear viscoelasticity at finite strain; no softening",
+                    {"nrmse": 0.035},
                 ),
             ),
         ),
