@@ -24,7 +24,7 @@ from softnn.mismatch.case import (
     to_data,
 )
 from softnn.mismatch.contest import Rival, score, sponge
-from softnn.mismatch.explain import TEMPER, Explanation, explain
+from softnn.mismatch.explain import TEMPER, Explanation, explain, shown_alone
 from softnn.mismatch.forms import finer, unforgotten
 from softnn.mismatch.learn import Learned, learn, period
 from softnn.mismatch.model_file import Stored, to_dict
@@ -102,8 +102,8 @@ def _diagnose(
     base = _base(short, thin(masked, REPORT), chosen)
     found = explain(base, rng)
     found.line = regular(found)
+    found, verdict, names = judged(base, found)
     full = _at_full(thin(masked, REPORT), base, found)
-    verdict, names = _verdict(base, found)
     if names and worse(base, found):
         verdict, names = "unexplained", []
     learned = None
@@ -181,16 +181,34 @@ def _at_full(case: Case, base: Baseline, found: Explanation) -> _Full:
     return _Full(engine, before, after)
 
 
+def judged(base: Baseline, found: Explanation) -> tuple[Explanation, str, list[str]]:
+    """What is told, its verdict and names.
+
+    What recordings show by themselves is told though the rest is not explained, unless
+    that is rather something on no list.
+    """
+    verdict, names = _verdict(base, found)
+    if verdict == "unexplained" and found.shown and not strange(found):
+        found = shown_alone(found)
+        return found, "partly_explained", found.selected
+    return found, verdict, names
+
+
 def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
     if not found.steps:
         return "nothing_missing", []
-    if found.odds_of_strangers > STRANGE:
+    if strange(found):
         return "unexplained", []
     if clear(found):
         return "explained", found.selected
     if found.left < PARTLY or found.excess_after < DOUBT:
         return "partly_explained", found.selected
     return "unexplained", []
+
+
+def strange(found: Explanation) -> bool:
+    """Whether what is there is rather something on no list."""
+    return found.odds_of_strangers > STRANGE
 
 
 def told(engine: Engine, found: Explanation, verdict: str) -> bool:
@@ -553,7 +571,7 @@ def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> st
                 f" It comes back every {period['period']:.3g} {period['unit']} of "
                 f"{period['axis']}."
             )
-        if verdict == "unexplained" and found.odds_of_strangers > STRANGE:
+        if verdict == "unexplained" and strange(found):
             told += f" It behaves like {words(found.likely_strangers[0].effect)}."
         return PHRASES[verdict].format(
             before=percent(fit_["before"]["heldout_nrmse"]),

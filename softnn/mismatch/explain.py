@@ -42,6 +42,7 @@ from softnn.noise import Noise
 
 MOST_EFFECTS = 3
 CLOSE = 1.0  # excess, up to which what is found is the better witness than any sign
+ROUGH = 0.08  # of the stress, from which what is left is no noise of a channel
 COARSE = 1.5  # misfit over noise, a sample, from which a finer spring may help
 FAR = 8.0  # excess of misfit over noise, a sample, that no form here comes near
 CLEAR = 1.5  # times the threshold of noise, which a later effect must gain
@@ -109,6 +110,7 @@ class Explanation:
     strangers: list[Rival]  # laws that are on no list, best first
     beside: dict[str, list[Rival]] = field(default_factory=dict)  # see `twins`
     line: float = 0.0  # of what is left, at one period, over what noise may show there
+    shown: Set[str] = frozenset()  # what recordings show by themselves, of the selected
 
     @property
     def selected(self) -> list[str]:
@@ -138,14 +140,36 @@ def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
 
     Where the best account stays far above the noise in any form, none here is close,
     and the noise is not what to weigh by: the search is done again with all samples
-    alike. Where it stays above the noise, what recordings show by themselves is there,
-    whatever else is.
+    alike. Where it stays above the noise, or what is left is no noise of a channel,
+    what recordings show by themselves is there, whatever else is.
     """
     found = search(base, rng)
     engine = base.engine
     signs: list[Piece] = []
-    if found.excess_after > CLOSE:
+    if found.excess_after > CLOSE or rough(engine, found.final):
         signs = shown(engine, candidates(engine, base.name, base.fixed))
+    found = beside_signs(base, rng, found, signs)
+    found.shown = {p.effect.id for p in signs} & set(found.selected)
+    return found
+
+
+def rough(engine: Engine, found: Fit) -> bool:
+    """Whether what is left is more of the stress than a channel's noise ever is.
+
+    Read as noise it is noise of long memory, which would excuse any account.
+    """
+    left = engine.target - found.stress
+    return bool(np.sum(left**2) > ROUGH**2 * np.sum(engine.target**2))
+
+
+def beside_signs(
+    base: Baseline,
+    rng: np.random.Generator,
+    found: Explanation,
+    signs: Sequence[Piece],
+) -> Explanation:
+    """The account, made again where something is known or the noise is no measure."""
+    engine = base.engine
     if found.excess_bent > FAR and not engine.body:
         engine.body = True
         base.noise = weigh(engine, found.final)
@@ -160,6 +184,24 @@ def explain(base: Baseline, rng: np.random.Generator) -> Explanation:
     elif {p.effect.id for p in signs} <= set(found.selected):
         return found
     return search(base, rng, [*taken(engine, base.fit, signs)], found.first)
+
+
+def shown_alone(found: Explanation) -> Explanation:
+    """The account with what recordings show by themselves, and nothing else."""
+    engine, final = found.base.engine, found.final
+    pieces = (p for p in final.guess.pieces if p.nuisance or p.effect.id in found.shown)
+    guess = replace(final.guess, pieces=tuple(pieces))
+    final = fit(engine, guess, fixed_base=found.base.fixed, iterations=8)
+    excess = final.chi2 / len(engine.target) - 1
+    steps = [s for s in found.steps if s.rivals[0].effect in found.shown]
+    return replace(
+        found,
+        steps=steps or found.steps,
+        final=final,
+        excess_after=excess,
+        excess_bent=excess,
+        strangers=[],
+    )
 
 
 def apart(base: Baseline, found: Explanation) -> Rival | None:
