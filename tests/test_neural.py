@@ -10,7 +10,7 @@ from sklearn.linear_model import BayesianRidge
 from softnn.contracts import InputError
 from softnn.metrics import nrmse
 from softnn.neural import Network, Regularisation, Scaling, Settings, train
-from softnn.neural.levenberg import minimise
+from softnn.neural.levenberg import _evidence, minimise
 from softnn.neural.training import CELLS, _Set, _stack, _summary, _Tanh
 
 
@@ -273,6 +273,30 @@ def test_what_a_small_network_made_a_small_network_finds():
         x, y, neurons=[2] * 4, train_mask=np.ones((4, 200), bool), seeds=range(4)
     )
     assert min(nrmse(t.network.predict(x), y) for t in got) < 1e-4
+
+
+def test_a_matrix_that_rounding_makes_singular_has_an_evidence():
+    # Two alike columns: the factor of the first ends in a zero or worse, by luck.
+    slopes = torch.tensor([[1.0, 1.0, 0.5], [0.3, -0.4, 1.0]], dtype=torch.float64)
+    hessian = torch.stack([torch.outer(s, s) for s in slopes])
+    one = torch.ones(2, dtype=torch.float64)
+    beta = torch.tensor([1e18, 2.0], dtype=torch.float64)
+    gamma, value = _evidence(
+        hessian,
+        torch.full((2, 3), 0.1, dtype=torch.float64),
+        1e-17 * one,
+        2.0 * one,
+        beta,
+        30 * one,
+        3 * one,
+        True,
+    )
+    assert torch.isfinite(value).all()
+    assert (gamma <= 3).all()
+    assert (gamma > 0).all()
+    # The other of the batch as if alone: one slope of square s2 beside alpha 2.
+    square = float(slopes[1] @ slopes[1])
+    assert gamma[1] == pytest.approx(2 * square / (2 * square + 2.0))
 
 
 def test_constant_target_is_learnt_without_fuss():

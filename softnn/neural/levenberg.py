@@ -43,6 +43,7 @@ class Settings:
 
 
 DEFAULTS = Settings()
+SINGULAR = 1e-12  # of the largest element, by which a singular matrix is moved off
 
 
 class Problem(Protocol):
@@ -198,6 +199,17 @@ def _square(theta: Tensor) -> Tensor:
     return (theta * theta).sum(dim=1)
 
 
+def _cholesky(matrix: Tensor) -> Tensor:
+    """Lower factors (b, p, p); of what rounding made singular, a little off it."""
+    factor, failed = torch.linalg.cholesky_ex(matrix)
+    if not failed.any():
+        return factor
+    most = matrix.diagonal(dim1=1, dim2=2).amax(dim=1, keepdim=True)
+    shift = torch.where(failed[:, None] > 0, SINGULAR * most, 0.0)
+    shift = shift.expand(matrix.shape[:2])
+    return torch.linalg.cholesky_ex(matrix + torch.diag_embed(shift))[0]
+
+
 def _evidence(
     hessian: Tensor,
     theta: Tensor,
@@ -218,7 +230,7 @@ def _evidence(
         return size.clone(), -count / 2 * torch.log(objective.clamp_min(1e-300))
     padding = theta.shape[1] - size
     diagonal = torch.diag_embed(alpha[:, None].expand_as(theta))
-    factor = torch.linalg.cholesky_ex(beta[:, None, None] * hessian + diagonal)[0]
+    factor = _cholesky(beta[:, None, None] * hessian + diagonal)
     trace = torch.cholesky_inverse(factor).diagonal(dim1=1, dim2=2).sum(dim=1)
     gamma = size + padding - alpha * trace
     # A numerically singular matrix says nothing; take every parameter as effective.
