@@ -421,14 +421,16 @@ def test_an_account_with_what_is_shown_alone():
         explain.Step([Rival(name, fit, 0.0)], 1.0, fit)
         for name, fit in (("zero_offset", one), (law.id, both))
     ]
-    stranger = Rival("flocs", replace(both, chi2=0.9 * both.chi2), 0.0)
+    n = len(base.engine.target)
+    stranger = Rival("flocs", replace(both, chi2=1.1 * n), 0.0)
     args = (both, [], 15.0, 9.0, 1.0, 1.0, [], [stranger])
     found = explain.Explanation(base, steps, *args, shown={"zero_offset"})
+    assert found.odds_of_strangers > 0
     alone = explain.shown_alone(found)
     assert alone.selected == ["zero_offset"]
     assert [s.rivals[0].effect for s in alone.steps] == ["zero_offset"]
-    n = len(base.engine.target)
     assert alone.excess_after == pytest.approx(one.chi2 / n - 1, rel=1e-3)
+    assert alone.excess_bent == alone.excess_after
     assert alone.odds_of_strangers == 0
 
 

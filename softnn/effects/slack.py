@@ -128,7 +128,7 @@ class Foot(Slack):
     """
 
     def starts(self, scales):
-        return [{"gap": 0.04 * scales.strain, "toe": 0.3}]
+        return [{"gap": GAPS[0] * scales.strain, "toe": 0.3}]
 
 
 def _taken_up(chunk: Chunk, stress: Array, much: float) -> tuple[float, float]:

@@ -15,6 +15,7 @@ import numpy as np
 from softnn.contracts import Effect
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Engine, Fit, Guess, Piece, fit
+from softnn.metrics import nrmse
 from softnn.mismatch.base import Baseline, weigh
 from softnn.mismatch.contest import (
     ENTRY,
@@ -158,8 +159,7 @@ def rough(engine: Engine, found: Fit) -> bool:
 
     Read as noise it is noise of long memory, which would excuse any account.
     """
-    left = engine.target - found.stress
-    return bool(np.sum(left**2) > ROUGH**2 * np.sum(engine.target**2))
+    return nrmse(found.stress, engine.target) > ROUGH
 
 
 def beside_signs(

@@ -175,7 +175,7 @@ SETS: dict[str, About] = {
             ),
         ),
     ),
-    # At one rate its first loadings differ by up to 22 %, at all strains alike: so many
+    # At one rate its first loadings differ by 16 to 22 %, at any strain: so many
     # strips, each with its scale. (Those of the other laboratory differ by 5 %.)
     "vhb4910-hossain2012-digitised": About(
         hold=("rate", "amplitude"),
