@@ -3,15 +3,18 @@ r"""Level and colour of the noise of a recording, estimated from the data alone.
 A window of samples is taken as a cubic in time plus noise whose correlation falls off
 as AR(1). Its level and its correlation are those of greatest restricted likelihood
 (Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), which allows for the noise
-that the cubic itself takes up. Windows in which something else happens (a reversal, a
-slip) are rougher than the rest and are left out. Level may grow with the stress; a
-channel with few distinct values is quantised, and its step adds step / sqrt(12).
+that the cubic itself takes up. Memory that is long beside a window is looked for in
+longer ones too, and the shortest found counts: what a simulation misses only ever adds
+correlation. Windows in which something else happens (a reversal, a slip) are rougher
+than the rest and are left out. Level may grow with the stress; a channel with few
+distinct values is quantised, and its step adds step / sqrt(12).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +22,8 @@ from numpy.typing import NDArray
 from softnn.contracts import Array
 
 WINDOW = 48
+LONGER = (192, 768)  # for noise whose memory is more than a window shows
+MEMORY = 0.1  # of a window, up to which it shows it
 DEGREE = 3
 DISAGREE = 8.0  # of log-likelihood, beyond which recordings are not of one colour
 CORRELATIONS = np.concatenate([[0.0], 1 - np.geomspace(0.95, 0.008, 26)])
@@ -45,6 +50,16 @@ class Noise:
         return np.sqrt(
             self.floor_MPa**2 + (self.share * s) ** 2 + self.step_MPa**2 / 12
         )
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Stretches of equally many samples, and what each says of the noise."""
+
+    like: Array  # (correlations, windows), restricted log-likelihood
+    variance: Array  # the same shape
+    size: Array  # (windows,), root mean square of the stress
+    whose: NDArray[np.integer]  # (windows,), the recording
 
 
 def quantum(values: Array) -> float:
@@ -105,30 +120,23 @@ def estimate(
     of one machine share level and colour as far as the data allow: a recording keeps
     its own colour only where it has windows enough.
     """
-    rows, level, owner = [], [], []
-    for r, (residual, stress) in enumerate(zip(residuals, stresses, strict=True)):
-        keep = np.isfinite(residual) & np.isfinite(stress)
-        x, s = residual[keep], stress[keep]
-        length = min(WINDOW, len(x))
-        if length < 8:
-            continue
-        w = _windows(x, length)
-        if length < WINDOW:  # a short recording cannot be pooled by samples
-            continue
-        rows.append(w)
-        level.append(np.sqrt((_windows(s, length) ** 2).mean(axis=1)))
-        owner.append(np.full(len(w), r))
+    windows = _pooled(residuals, stresses, WINDOW)
     steps = [quantum(s) for s in stresses]
-    if not rows:
+    if windows is None:  # too few samples of each to be pooled
         return [
             _short(x, s, t, q)
             for x, s, t, q in zip(residuals, stresses, times, steps, strict=True)
         ]
-    like, variance = _likelihood(np.concatenate(rows))
-    size, whose = np.concatenate(level), np.concatenate(owner)
+    variance, size, whose = windows.variance, windows.size, windows.whose
     typical = np.max(size) + 1e-300
     interval = np.array([float(np.median(np.diff(t))) for t in times])
-    seconds = _shared_time(like, variance, whose, interval)
+    seconds = _shared_time(windows, interval)
+    for length, longer in pairwise((WINDOW, *LONGER)):
+        if seconds < MEMORY * length * np.median(interval[whose]):
+            break
+        # The cubic taken out of a window takes memory as long as that out with it.
+        if calmer := _pooled(residuals, stresses, longer):
+            seconds = min(seconds, _shared_time(calmer, interval))
     # The variance of each window at the correlation its own clock gives it.
     phi = np.exp(-interval[whose] / max(seconds, 1e-12))
     upper, w = _bracket(phi)
@@ -153,6 +161,25 @@ def estimate(
             )
         )
     return out
+
+
+def _pooled(
+    residuals: Sequence[Array], stresses: Sequence[Array], length: int
+) -> Windows | None:
+    """Windows of `length` samples of all recordings; None where none is as long."""
+    rows, level, owner = [], [], []
+    for r, (residual, stress) in enumerate(zip(residuals, stresses, strict=True)):
+        keep = np.isfinite(residual) & np.isfinite(stress)
+        if keep.sum() < length:
+            continue
+        w = _windows(residual[keep], length)
+        rows.append(w)
+        level.append(np.sqrt((_windows(stress[keep], length) ** 2).mean(axis=1)))
+        owner.append(np.full(len(w), r))
+    if not rows:
+        return None
+    like, variance = _likelihood(np.concatenate(rows))
+    return Windows(like, variance, np.concatenate(level), np.concatenate(owner))
 
 
 def _bracket(phi: Array) -> tuple[NDArray[np.integer], Array]:
@@ -183,14 +210,13 @@ def _pooled_time(
     return float(max(times, key=at)), at
 
 
-def _shared_time(
-    like: Array, variance: Array, whose: NDArray[np.integer], interval: Array
-) -> float:
+def _shared_time(windows: Windows, interval: Array) -> float:
     """Correlation time, s, that the recordings share.
 
     What a simulation misses only ever adds correlation. So where the half of the
     recordings with the least of it contradicts the time of all, it knows best.
     """
+    like, variance, whose = windows.like, windows.variance, windows.whose
     # Rough windows hold a reversal; judged by what is new from sample to sample, which
     # says little about the colour itself.
     rough = variance[-2]

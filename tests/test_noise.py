@@ -41,6 +41,22 @@ def test_level_and_colour_come_back(phi):
         assert middle == pytest.approx(seconds, rel=0.4)
 
 
+def test_memory_that_is_long_beside_a_window_is_not_overstated():
+    # A window of 48 samples is 1.9 s long, and less a cubic it says little of 1 s.
+    time = 0.04 * np.arange(2500)
+    levels, memories = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        noise = [drawn(rng, 2500, 0.01, np.exp(-0.04)) for _ in range(5)]
+        (found, *_) = estimate(noise, noise, [time] * 5)
+        levels.append(found.floor_MPa)
+        memories.append(found.correlation_s)
+    assert np.median(levels) == pytest.approx(0.01, rel=0.1)
+    assert np.median(memories) == pytest.approx(1.0, rel=0.15)
+    assert max(levels) < 0.0115
+    assert max(memories) < 1.35
+
+
 def test_recordings_of_different_clocks_share_a_correlation_time():
     rng = np.random.default_rng(2)
     slow = case(rng, 0.01, np.exp(-0.05 / 0.1), step=0.05)
