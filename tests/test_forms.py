@@ -10,10 +10,10 @@ from softnn import noise
 from softnn.contracts import Chunk
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, span
-from softnn.mismatch import contest, explain, forms
+from softnn.mismatch import contest, explain, forms, gates
 from softnn.mismatch.contest import names, rivals, turn
 from softnn.mismatch.diagnosis import _probability
-from softnn.mismatch.explain import adds
+from softnn.mismatch.gates import adds
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
 
@@ -334,9 +334,9 @@ def test_what_completes_an_account_is_added_though_a_form_could_do_it(
     assert one.chi2 > 1.2 * n
     assert both.chi2 < 1.03 * n
     # As if some form of the softening could take all of it.
-    monkeypatch.setattr(explain, "without_form", lambda *a: float(n))
+    monkeypatch.setattr(gates, "without_form", lambda *a: float(n))
     if not completes:
-        monkeypatch.setattr(explain, "COMPLETE", -1.0)
+        monkeypatch.setattr(gates, "COMPLETE", -1.0)
     assert adds(engine, base, one, both, 20.0) == completes
 
 
@@ -347,13 +347,13 @@ def test_two_as_they_are_that_beat_one_in_any_form_are_both_there(
     engine, both = two("permanent_set", {"ratio": 0.05})
     one = explain.without(engine, both, "permanent_set")
     base = fit(engine, Guess(BASE, np.ones(3)))
-    monkeypatch.setattr(explain, "COMPLETE", -1.0)
-    monkeypatch.setattr(explain, "BESIDE", 0.0)
+    monkeypatch.setattr(gates, "COMPLETE", -1.0)
+    monkeypatch.setattr(gates, "BESIDE", 0.0)
     # Four thresholds of 20 ahead of the best form of one, none of which helps two.
-    monkeypatch.setattr(explain, "without_form", lambda *a: both.chi2 + ahead)
+    monkeypatch.setattr(gates, "without_form", lambda *a: both.chi2 + ahead)
     assert adds(engine, base, one, both, 20.0) == taken
     # Not where much is left: then it is some other form, or something else.
-    monkeypatch.setattr(explain, "NOISE", both.chi2 / len(engine.target) - 1.01)
+    monkeypatch.setattr(gates, "NOISE", both.chi2 / len(engine.target) - 1.01)
     assert not adds(engine, base, one, both, 20.0)
 
 
@@ -365,9 +365,9 @@ def test_values_of_single_recordings_must_beat_any_form_by_more(
     engine, both = two("zero_offset", shift)
     one = explain.without(engine, both, "zero_offset")
     base = fit(engine, Guess(BASE, np.ones(3)))
-    monkeypatch.setattr(explain, "COMPLETE", -1.0)
-    monkeypatch.setattr(explain, "BESIDE", 0.0)
-    monkeypatch.setattr(explain, "without_form", lambda *a: both.chi2 + ahead)
+    monkeypatch.setattr(gates, "COMPLETE", -1.0)
+    monkeypatch.setattr(gates, "BESIDE", 0.0)
+    monkeypatch.setattr(gates, "without_form", lambda *a: both.chi2 + ahead)
     # Nine thresholds of 20.
     assert adds(engine, base, one, both, 20.0) == taken
 
@@ -381,9 +381,9 @@ def test_what_is_slight_beside_the_largest_makes_no_sponge_of_a_second(monkeypat
     both = fit(engine, replace(both.guess, pieces=pieces))
     one = explain.without(engine, both, "zero_offset")
     base = fit(engine, Guess(BASE, np.ones(3)))
-    monkeypatch.setattr(explain, "LITTLE", 1e9)  # nothing a sponge does is enough
+    monkeypatch.setattr(gates, "LITTLE", 1e9)  # nothing a sponge does is enough
     assert adds(engine, base, one, both, 20.0)
-    monkeypatch.setattr(explain, "SLIGHT", 0.0)
+    monkeypatch.setattr(gates, "SLIGHT", 0.0)
     assert not adds(engine, base, one, both, 20.0)
 
 
@@ -393,7 +393,7 @@ def test_a_second_is_held_against_branches_of_any_pace(monkeypatch):
     base = fit(engine, Guess(BASE, np.ones(3)))
     asked = []
     monkeypatch.setattr(
-        explain,
+        gates,
         "without_form",
         lambda e, fit, which, flowing=False: asked.append(flowing) or fit.chi2,
     )
@@ -502,25 +502,25 @@ def test_one_more_that_needs_fewer_numbers_in_all_is_taken(monkeypatch, slots, t
     one = explain.without(engine, both, "permanent_set")
     base = fit(engine, Guess(BASE, np.ones(3)))
     n = len(engine.target)
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *a: n)  # no gain there
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *a: n)  # no gain there
     one = replace(one, slots=one.slots[:1] * 3)
     both = replace(both, slots=both.slots[:1] * slots)
-    monkeypatch.setattr(explain, "NOISE", -1.0)
-    monkeypatch.setattr(explain, "COMPLETE", -1e9)
+    monkeypatch.setattr(gates, "NOISE", -1.0)
+    monkeypatch.setattr(gates, "COMPLETE", -1e9)
     assert adds(engine, base, one, both, 20.0) == taken
 
 
 def test_the_first_that_adds_goes_in_front(monkeypatch):
     found = [contest.Rival(name, SimpleNamespace(name=name), 0.0) for name in "abc"]
-    monkeypatch.setattr(explain, "score", lambda fit: 0.0)
-    monkeypatch.setattr(explain, "adds", lambda e, b, c, fit, t: fit.name == "b")
-    monkeypatch.setattr(explain, "of_grid", lambda *a: False)
-    taken = explain.admitted(None, None, None, found, 1.0)
+    monkeypatch.setattr(gates, "score", lambda fit: 0.0)
+    monkeypatch.setattr(gates, "adds", lambda e, b, c, fit, t: fit.name == "b")
+    monkeypatch.setattr(gates, "of_grid", lambda *a: False)
+    taken = gates.admitted(None, None, None, found, 1.0)
     assert [r.effect for r in taken] == ["b", "a", "c"]
-    monkeypatch.setattr(explain, "of_grid", lambda e, b, fit, t: fit.name == "b")
-    assert explain.admitted(None, None, None, found, 1.0) == []
-    monkeypatch.setattr(explain, "adds", lambda *a: False)
-    assert explain.admitted(None, None, None, found, 1.0) == []
+    monkeypatch.setattr(gates, "of_grid", lambda e, b, fit, t: fit.name == "b")
+    assert gates.admitted(None, None, None, found, 1.0) == []
+    monkeypatch.setattr(gates, "adds", lambda *a: False)
+    assert gates.admitted(None, None, None, found, 1.0) == []
 
 
 def test_gaps_are_lifted_off_the_least():
@@ -625,19 +625,19 @@ def test_values_of_recordings_must_pay_for_themselves(monkeypatch, values, sure)
     same = {"residual": np.zeros(1000), "guess": SimpleNamespace(pieces=())}
     before = SimpleNamespace(chi2=1200.0, parameters=3, **same)
     after = SimpleNamespace(chi2=1000.0, parameters=3 + values, **same)
-    monkeypatch.setattr(explain, "finer", lambda engine, found: found)
+    monkeypatch.setattr(gates, "finer", lambda engine, found: found)
     unseen = {id(before): 80.0, id(after): 0.0}
     monkeypatch.setattr(
-        explain, "remembered", lambda engine, found: found.chi2 - unseen[id(found)]
+        gates, "remembered", lambda engine, found: found.chi2 - unseen[id(found)]
     )
-    assert explain.enough(None, before, after, 20.0) == sure
+    assert gates.enough(None, before, after, 20.0) == sure
 
 
 @pytest.mark.parametrize("same", [True, False])
 def test_another_form_of_the_first_effect_completes_nothing(monkeypatch, same):
     engine, both = two("permanent_set", {"ratio": 0.05})
     one = explain.without(engine, both, "permanent_set")
-    monkeypatch.setattr(explain, "without_form", lambda *a: float(len(engine.target)))
+    monkeypatch.setattr(gates, "without_form", lambda *a: float(len(engine.target)))
     if not same:  # as if the first had been fitted in its other form
         other = effect("mullins_softening").second_forms[0]
         pieces = tuple(replace(p, effect=other) for p in one.guess.pieces)
@@ -657,7 +657,7 @@ def test_where_noise_is_left_a_small_effect_must_be_plain(monkeypatch, share, ta
     after = replace(both, chi2=0.99 * n - gain)
     base = replace(one, chi2=one.chi2 + 80 * gain)
     by = {id(one): 0.99 * n, id(after): 0.99 * n - gain}
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: by[id(fit)])
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *which: by[id(fit)])
     assert adds(engine, base, one, after, threshold) == taken
 
 
@@ -789,7 +789,7 @@ def test_what_came_in_stays_on_less(monkeypatch):
     base = shifted(one, 11.0 * n)
     one, after = shifted(one, 2.0 * n), shifted(both, 1.55 * n)
     by = {id(one): 2.0 * n, id(after): 1.55 * n}  # a share of 0.45, one of 0.5 needed
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: by[id(fit)])
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *which: by[id(fit)])
     assert not adds(engine, base, one, after, 20.0)
     assert adds(engine, base, one, after, 20.0, explain.STAYS)
 
@@ -812,7 +812,7 @@ def test_two_effects_with_fewer_numbers_than_one_are_taken(monkeypatch, better, 
     n = len(engine.target)
     one, two_ = shifted(one, 1.05 * n), shifted(two_, 1.05 * n - better)
     # In any form the slip would leave nothing, which is held against one law alone.
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: 0.9 * n)
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *which: 0.9 * n)
     assert adds(engine, shifted(one, 2.0 * n), one, two_, 20.0) == taken
 
 
@@ -833,7 +833,7 @@ def test_a_law_in_all_recordings_completes_an_account(
     one = explain.without(engine, both, law)
     n = len(engine.target)
     one, after = shifted(one, (left + gain) * n), shifted(both, left * n)
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: 0.95 * n)
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *which: 0.95 * n)
     assert adds(engine, shifted(one, 12.0 * n), one, after, 20.0) == taken
 
 
@@ -842,7 +842,7 @@ def test_a_later_effect_must_pay_for_itself(monkeypatch):
     one = explain.without(engine, both, "permanent_set")
     base = fit(engine, Guess(BASE, np.ones(3)))
     assert adds(engine, base, one, both, 20.0)
-    monkeypatch.setattr(explain, "score", lambda fit: float(fit is both))
+    monkeypatch.setattr(gates, "score", lambda fit: float(fit is both))
     assert not adds(engine, base, one, both, 20.0)
 
 
@@ -1044,8 +1044,8 @@ def test_a_lookalike_at_its_end_is_a_form_of_what_is_there(
     one, after = shifted(one, 1.6 * n), shifted(both, (1.6 - 20 * gain) * n)
     base = shifted(one, 21.6 * n)
     # Forms take up nothing, so that this alone decides.
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: fit.chi2)
-    monkeypatch.setattr(explain, "score", lambda fit: fit.chi2)
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *which: fit.chi2)
+    monkeypatch.setattr(gates, "score", lambda fit: fit.chi2)
     assert adds(engine, base, one, after, 20.0) == taken
 
 
@@ -1074,9 +1074,9 @@ def test_two_that_beat_any_form_of_one_by_next_to_nothing_are_one(
     base = shifted(one, one.chi2 + gained)
     # In any form the first leaves a little, and beside the second nothing less.
     by = {id(one): n + ahead, id(after): n + ahead - 35.0}
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: by[id(fit)])
-    monkeypatch.setattr(explain, "COMPLETE", -1.0)
-    monkeypatch.setattr(explain, "TOLD", (np.inf, np.inf))
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *which: by[id(fit)])
+    monkeypatch.setattr(gates, "COMPLETE", -1.0)
+    monkeypatch.setattr(gates, "TOLD", (np.inf, np.inf))
     assert adds(engine, base, one, after, threshold) == taken
 
 
@@ -1101,12 +1101,12 @@ def test_where_many_gain_the_same_little_none_is_named(monkeypatch, gains, taken
         contest.Rival(law, fitted_to(-gain), 0.0)
         for law, gain in zip(laws, gains, strict=False)
     ]
-    monkeypatch.setattr(explain, "adds", lambda *a: True)
-    monkeypatch.setattr(explain, "of_grid", lambda *a: False)
+    monkeypatch.setattr(gates, "adds", lambda *a: True)
+    monkeypatch.setattr(gates, "of_grid", lambda *a: False)
     base, before = fitted_to(2500.0), fitted_to(0.0)
-    assert bool(explain.admitted(None, base, before, found, 15.0)) == taken
+    assert bool(gates.admitted(None, base, before, found, 15.0)) == taken
     # Beside a first that gained no more than that, all of it counts.
-    assert explain.admitted(None, fitted_to(1000.0), before, found, 15.0)
+    assert gates.admitted(None, fitted_to(1000.0), before, found, 15.0)
 
 
 def test_a_law_that_the_one_there_contains_needs_no_fewer_forms(monkeypatch):
@@ -1147,8 +1147,8 @@ def test_what_completes_an_account_is_more_than_the_first_is_known_to(
     one, after = shifted(one, 1.5 * n), shifted(after, 1.0 * n)
     base = shifted(one, one.chi2 + 0.5 * n / gained)
     # As if some form of the first could take all of it.
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: 1.0 * n)
-    monkeypatch.setattr(explain, "score", lambda fit: fit.chi2)
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *which: 1.0 * n)
+    monkeypatch.setattr(gates, "score", lambda fit: fit.chi2)
     assert adds(engine, base, one, after, 20.0) == taken
 
 
@@ -1188,12 +1188,12 @@ def test_what_is_left_must_be_more_than_noise_is_known_to(
     n = len(engine.target)
     one, after = shifted(one, left * n), shifted(both, left * n - gain)
     first = 100 * n if law == "permanent_set" else 2 * gain
-    monkeypatch.setattr(explain, "SMALL", {False: (0.6, 0.0), True: (0.6, 0.0)})
-    monkeypatch.setattr(explain, "NOISE", -1.0)  # nothing is complete
-    monkeypatch.setattr(explain, "MISSING", 9.0)
-    monkeypatch.setattr(explain, "sponge", lambda *a: False)
-    monkeypatch.setattr(explain, "without_form", lambda e, fit, *which: fit.chi2)
-    monkeypatch.setattr(explain, "score", lambda fit: fit.chi2)
+    monkeypatch.setattr(gates, "SMALL", {False: (0.6, 0.0), True: (0.6, 0.0)})
+    monkeypatch.setattr(gates, "NOISE", -1.0)  # nothing is complete
+    monkeypatch.setattr(gates, "MISSING", 9.0)
+    monkeypatch.setattr(gates, "sponge", lambda *a: False)
+    monkeypatch.setattr(gates, "without_form", lambda e, fit, *which: fit.chi2)
+    monkeypatch.setattr(gates, "score", lambda fit: fit.chi2)
     assert adds(engine, shifted(one, one.chi2 + first), one, after, 20.0) == taken
 
 
@@ -1231,20 +1231,20 @@ def test_the_first_effect_must_gain_well_over_noise(
         )
 
     before, after = fitted(1000.0, (), 5), fitted(1000.0 - times * 15, pieces, 6)
-    monkeypatch.setattr(explain, "score", lambda fit: 0 if fit is after else worth)
-    monkeypatch.setattr(explain, "over_finer", lambda *a: times * threshold)
-    assert explain.enough(None, before, after, threshold) == taken
+    monkeypatch.setattr(gates, "score", lambda fit: 0 if fit is after else worth)
+    monkeypatch.setattr(gates, "over_finer", lambda *a: times * threshold)
+    assert gates.enough(None, before, after, threshold) == taken
     # What a finer base takes up as well is none.
-    monkeypatch.setattr(explain, "over_finer", lambda *a: 0.9 * threshold)
-    assert not explain.enough(None, before, after, threshold)
+    monkeypatch.setattr(gates, "over_finer", lambda *a: 0.9 * threshold)
+    assert not gates.enough(None, before, after, threshold)
 
 
 def test_a_later_effect_is_not_what_the_grid_misses(monkeypatch):
     engine, fits = SimpleNamespace(body=False), SimpleNamespace
     before, little, much = fits(chi2=9000.0), fits(chi2=8900.0), fits(chi2=8000.0)
-    monkeypatch.setattr(explain, "over_finer", lambda *a: 10.0)
-    assert explain.of_grid(engine, before, little, 15.0)
-    assert not explain.of_grid(engine, before, much, 15.0)
-    assert not explain.of_grid(SimpleNamespace(body=True), before, little, 15.0)
-    monkeypatch.setattr(explain, "over_finer", lambda *a: 50.0)
-    assert not explain.of_grid(engine, before, little, 15.0)
+    monkeypatch.setattr(gates, "over_finer", lambda *a: 10.0)
+    assert gates.of_grid(engine, before, little, 15.0)
+    assert not gates.of_grid(engine, before, much, 15.0)
+    assert not gates.of_grid(SimpleNamespace(body=True), before, little, 15.0)
+    monkeypatch.setattr(gates, "over_finer", lambda *a: 50.0)
+    assert not gates.of_grid(engine, before, little, 15.0)

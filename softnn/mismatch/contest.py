@@ -389,3 +389,8 @@ def formless(engine: Engine, found: Fit, which: set[str]) -> float:
     n = len(found.residual)
     misfit = without_form(engine, found, which)
     return float(n * np.log(misfit / n) + found.parameters * np.log(n))
+
+
+def lookalikes(name: str) -> set[str]:
+    """Effects that the one called `name` is mistaken for, or that are for it."""
+    return set(effects.effect(name).twins) | {e.id for e in EFFECTS if name in e.twins}
