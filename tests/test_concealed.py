@@ -27,6 +27,7 @@ from studies.concealed import (
     sensor,
     trial,
 )
+from studies.concealed import unlisted as unlisted_things
 from studies.concealed.bases import SKELETONS, Base, draw_base, maxwell
 from studies.concealed.planting import (
     Context,
@@ -227,6 +228,25 @@ def test_heat_comes_with_work_and_leaves_at_rest():
     assert factor[n + 20_000] < 0.93
     assert (np.diff(factor[n + 20_000 :]) >= 0).all()
     assert factor[-1] > 0.999
+
+
+def test_a_leadscrew_errs_by_turns_from_where_it_stood():
+    strain = np.linspace(0, PACE.peak, 40_001)
+    programme = Imposed("", strain, np.arange(len(strain)))
+    for seed in range(5):
+        c = Context(np.random.default_rng(seed), 1.0, BASE, PACE, [programme], [strain])
+        screw = unlisted_things.leadscrew(c, 0.01)
+        off = screw.rig(0, programme, strain) - strain
+        assert off[0] == 0
+        turn = round(len(strain) * screw.parameters["pitch"] / PACE.peak)
+        swings = [np.ptp(t) for t in np.split(off, range(turn, len(off), turn))[:-1]]
+        assert 0.005 * PACE.peak < max(swings) < 0.021 * PACE.peak
+        # Skewed: the steepest way down is not that of the way up.
+        slope = np.diff(off)
+        assert -slope.min() < 0.7 * slope.max() or slope.max() < 0.7 * -slope.min()
+        # Worn: a turn in one place errs by more than in another.
+        if len(swings) > 3:
+            assert max(swings) > 1.1 * min(swings)
 
 
 def test_curing_goes_with_the_logarithm_of_time():

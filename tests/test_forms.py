@@ -1208,14 +1208,14 @@ def test_a_share_of_none_or_all_is_no_end():
     ("name", "times", "worth", "taken"),
     [
         # A law for all recordings, or with one value of its own in each.
-        ("mullins_softening", 1.4, 11.0, True),
-        ("zero_offset", 1.4, 11.0, True),
-        ("zero_offset", 1.2, 11.0, False),
-        ("zero_offset", 1.4, 9.0, False),
+        ("mullins_softening", 1.2, 7.0, True),
+        ("zero_offset", 1.2, 7.0, True),
+        ("zero_offset", 1.05, 7.0, False),
+        ("zero_offset", 1.2, 5.0, False),
         # One that seeks a moment in each finds some in noise.
-        ("grip_slip", 1.6, 21.0, False),
-        ("grip_slip", 1.8, 19.0, False),
-        ("grip_slip", 1.8, 21.0, True),
+        ("grip_slip", 1.4, 21.0, False),
+        ("grip_slip", 1.6, 19.0, False),
+        ("grip_slip", 1.6, 21.0, True),
     ],
 )
 def test_the_first_effect_must_gain_well_over_noise(
@@ -1237,6 +1237,24 @@ def test_the_first_effect_must_gain_well_over_noise(
     # What a finer base takes up as well is none.
     monkeypatch.setattr(gates, "over_finer", lambda *a: 0.9 * threshold)
     assert not gates.enough(None, before, after, threshold)
+
+
+@pytest.mark.parametrize(("which", "taken"), [(0, True), (4, True), (5, False)])
+def test_the_first_five_are_tried_against_what_they_leave(monkeypatch, which, taken):
+    fits = [SimpleNamespace(chi2=900.0, guess=i) for i in range(7)]
+    found = [contest.Rival(str(i), f, 0.0) for i, f in enumerate(fits)]
+    base = SimpleNamespace(
+        engine=None, fit=SimpleNamespace(chi2=1000.0, guess=None), fixed=False
+    )
+    monkeypatch.setattr(explain, "weigh", lambda *a: None)
+    monkeypatch.setattr(
+        explain, "fit", lambda e, guess, **k: SimpleNamespace(guess=guess)
+    )
+    monkeypatch.setattr(
+        explain, "enough", lambda e, before, after, t: after.guess == which
+    )
+    told = [r.effect for r in explain.reweighed(base, found, 20.0)]
+    assert told == ([str(which), *(str(i) for i in range(7) if i != which)] * taken)
 
 
 def test_a_later_effect_is_not_what_the_grid_misses(monkeypatch):

@@ -739,3 +739,9 @@ def test_a_name_is_sure_only_where_little_speaks_against_it(other, sure):
     found = account(**{"excess_bent": 0.005 * excess, **other})
     chance = _probability(found, [rival], SimpleNamespace(effect=law))
     assert (chance >= 0.5) == sure
+
+
+def test_a_dwell_is_as_long_as_it_lasts_however_few_its_samples():
+    time = np.concatenate([np.arange(0, 40, 0.1), [40, 44, 48, 52]])
+    chunk = Chunk(time, 0.02 * np.minimum(time, 40.0))
+    assert not only_loading(Engine(Data(("a",), (chunk,), (chunk.strain,))))

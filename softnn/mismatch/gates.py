@@ -24,7 +24,7 @@ CLEAR = 1.5  # times the threshold of noise, which a later effect must gain
 PLAINLY = 4.0  # the same where as little is left as noise leaves
 # What the first effect must gain: times the threshold of noise, and of score. More of
 # one that seeks a moment in each recording: noise has many for it to find.
-SURE = {False: (1.3, 10.0), True: (1.7, 20.0)}
+SURE = {False: (1.1, 6.0), True: (1.5, 20.0)}
 # What a later effect must win beyond the forms of the earlier ones: shares of what they
 # leave and of what they gained. One that is small beside them must leave little; and
 # less still where it has a value of its own in each recording, which fits anything.
