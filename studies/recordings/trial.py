@@ -12,7 +12,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -160,22 +160,28 @@ def broken(
 def carried_out(tasks: Sequence[Task], jobs: int, store: Store) -> list[Row]:
     """A row a task, in order; finished ones are taken from the store."""
     keys = [key_of(t) for t in tasks]
-    open_ = [(t, k) for t, k in zip(tasks, keys, strict=True) if k not in store.rows]
-    print(f"{len(tasks)} diagnoses, {len(tasks) - len(open_)} of them at hand")
+    every = dict(zip(keys, tasks, strict=True))  # one key, one diagnosis
+    todo = {k: t for k, t in every.items() if k not in store.rows}
+    print(f"{len(every)} diagnoses, {len(every) - len(todo)} of them at hand")
     with workers(jobs) if jobs > 1 else nullcontext() as pool:
-        todo = [t for t, _ in open_]
-        done = pool.map(work, todo) if pool else map(work, todo)
-        for i, ((_, key), row) in enumerate(zip(open_, done, strict=True), start=1):
+        done = (pool.map if pool else map)(work, todo.values())
+        for i, (key, row) in enumerate(zip(todo, done, strict=True), start=1):
             store.put(key, row)
-            print(f"[{i}/{len(open_)}] {row.line()}", flush=True)
-    return [store.rows[k] for k in keys]
+            print(f"[{i}/{len(todo)}] {row.line()}", flush=True)
+    rows = [store.rows[k] for k in keys]
+    return [replace(r, kind=t.kind) for r, t in zip(rows, tasks, strict=True)]
 
 
 def key_of(task: Task) -> str:
-    """What a row depends on: the task, the recordings, and the code that diagnoses."""
+    """What a row depends on: the task, the recordings, and the code that diagnoses.
+
+    A copy without a fault is the group as it is, and is diagnosed once.
+    """
     g = task.group
     way = [] if task.split < 0 else [g.splits[task.split]]
-    about = [task.kind, task.base, task.samples, task.seed, task.fault, task.size]
+    made = (task.fault, task.size) if task.fault else ("", 0.0)
+    kind = "all" if task.kind == "fault" and not task.fault else task.kind
+    about = [kind, task.base, task.samples, task.seed, *made]
     return fingerprint(
         [g.label, g.specimens, data_hash(g.recordings), about, *map(asdict, way)],
         files=[*Path(softnn.__file__).parent.rglob("*.py")],
