@@ -253,6 +253,13 @@ class Effect(ABC):
         arrays (recordings,).
         """
 
+    def closer(self, scales: Scales) -> list[list[dict[str, Any]]]:
+        """More starts, in lists of one shape each, once the effect is suspected.
+
+        Asked of what is found from nearby only: a moment, say, with values of its own.
+        """
+        return []
+
     @abstractmethod
     def telltale(self) -> Chunk:
         """A strain programme on which the effect shows and can be told from others."""

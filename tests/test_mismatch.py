@@ -213,6 +213,24 @@ def test_a_score_test_promises_what_a_fit_of_something_small_gains(
     assert max(lead.gain for lead in leads) > 0.95 * gained
 
 
+@pytest.mark.parametrize("sizes", [(0, 0, 0, 0.03, 0.02), (0, 0.02, 0, 0.015, 0)])
+@pytest.mark.parametrize("lasting_s", [0.3, 8.0])
+def test_a_slip_is_found_where_it_is_however_long_it_lasts(tmp_path, sizes, lasting_s):
+    law = effect("grip_slip")
+    slip, moment = np.array(sizes), np.array([0, 0, 0, 37.3, 21.7])
+    values = {"slip": slip, "moment_s": moment, "duration_s": lasting_s}
+    case = read_case(write_case(tmp_path / "c", [Term(law, values)]))
+    base = baseline(to_data(case), "pl-wiechert")
+    found = at_best(base.engine, Screen(base.engine, base.fit), law)
+    (piece,) = (p for p in found.guess.pieces if not p.nuisance)
+    own = np.flatnonzero(slip)
+    assert piece.groups == tuple((i,) for i in own)
+    np.testing.assert_allclose(piece.values["slip"][own], slip[own], rtol=0.05)
+    middle = piece.values["moment_s"] + piece.values["duration_s"] / 2
+    near = 0.1 + 0.05 * lasting_s
+    np.testing.assert_allclose(middle[own], (moment + lasting_s / 2)[own], atol=near)
+
+
 def test_scale_between_specimens_is_no_news(tmp_path):
     chunks = histories()
     clean = simulate(UNITS, STIFFNESS, [], chunks)

@@ -21,6 +21,8 @@ YIELDS = 0.15  # of the load, by which its second half must raise it
 STILL = 0.1  # of strain at rest, that moves beside it; and of the stress it should make
 EVENLY = 0.004  # of the largest strain: as evenly as specimens are strained
 
+# How long a slip may last, in two intervals; shares of a recording between moments.
+CLOSER = ((1.0, 0.02), (5.0, 0.02), (25.0, 0.04))
 EARLY = (0.015, 0.03, 0.045, 0.06, 0.105)  # of a recording: its first loading
 
 
@@ -80,14 +82,24 @@ class GripSlip(Effect):
         )
 
     def starts(self, scales):
-        width = float(np.clip(2 * scales.interval_s, 1e-3, 1e5))
+        return self.at((0.5, *EARLY, *np.arange(0.08, 0.98, 0.05)), scales)
+
+    def closer(self, scales):
+        return [
+            self.at(np.arange(step / 2, 1, step), scales, times)
+            for times, step in CLOSER
+        ]
+
+    def at(self, shares, scales, times=1.0):
+        """Starts at these shares of a recording, `times` as long as the shortest."""
+        width = float(np.clip(2 * times * scales.interval_s, 1e-3, 1e5))
         return [
             {
                 "slip": 0.06 * scales.strain,
                 "moment_s": share * scales.duration_s,
                 "duration_s": width,
             }
-            for share in (0.5, *EARLY, *np.arange(0.08, 0.98, 0.05))
+            for share in shares
         ]
 
     def shown(self, chunks, stress_MPa):

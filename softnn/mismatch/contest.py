@@ -130,6 +130,9 @@ def rivals(
                 for i, p in enumerate(rival.fit.guess.pieces)
                 if p.effect.id == rival.effect and not p.nuisance
             )
+            if rank < 3:
+                law = rival.fit.guess.pieces[index].effect
+                rival.fit = min([rival.fit, *closer(engine, screen, law)], key=score)
             for inside in (False, True) if rank < 3 else (False,):
                 better = release(engine, rival.fit, index, inside)
                 rival.fit = min(rival.fit, better, key=score)
@@ -138,6 +141,12 @@ def rivals(
         if rival.effect not in out or score(rival.fit) < score(out[rival.effect].fit):
             out[rival.effect] = rival
     return sorted(out.values(), key=lambda r: score(r.fit)), threshold
+
+
+def closer(engine: Engine, screen: Screen, law: Effect) -> list[Fit]:
+    """Joint refits of a law that is suspected, from its closer starts."""
+    leads = screen.closer(law, ENTRY)
+    return [refine(engine, screen.base, lead.piece, 6) for lead in leads]
 
 
 def firm(engine: Engine, found: list[Rival]) -> list[Rival]:
@@ -336,6 +345,7 @@ def at_best(
     if lead is None or lead.gain < least:
         return None
     best = refine(engine, screen.base, lead.piece, 8)
+    best = min([best, *closer(engine, screen, law)], key=score)
     own = (p.effect.id == law.id and not p.nuisance for p in best.guess.pieces)
     index = next((i for i, is_it in enumerate(own) if is_it), None)
     if index is None:

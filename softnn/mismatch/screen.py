@@ -7,7 +7,7 @@ from several starts, and a bootstrap of the largest gain in noise sets the thres
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,12 +28,19 @@ class Lead:
 
 def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
     """A piece for each start of an effect: core parameters free, all recordings on."""
-    r = len(engine.chunks)
     scales = engine.data.scales()
     effect = effect.within(scales)
+    return pieces_at(engine, effect, effect.starts(scales))
+
+
+def pieces_at(
+    engine: Engine, effect: Effect, starts: Sequence[Mapping[str, Any]]
+) -> list[Piece]:
+    """A piece for each of these starts; see `start_pieces`."""
+    r = len(engine.chunks)
     out = []
     fixed = effect.defaults()
-    for start in effect.starts(scales):
+    for start in starts:
         values: dict[str, Any] = fixed | dict(start)
         for p in effect.parameters:
             inside = np.clip(values[p.name], p.low, p.high)
@@ -127,6 +134,16 @@ class Screen:
                     leads.append(Lead(_scaled(piece, [c]), gain))
             return leads, atoms
         return self._greedy(pieces, atoms, threshold), atoms
+
+    def closer(self, effect: Effect, threshold: float) -> list[Lead]:
+        """Leads of an effect from its closer starts, one of each shape."""
+        scales = self.engine.data.scales()
+        effect = effect.within(scales)
+        out = []
+        for starts in effect.closer(scales):
+            pieces = pieces_at(self.engine, effect, starts)
+            out += self._greedy(pieces, [self.atoms(p) for p in pieces], threshold)
+        return out
 
     def _greedy(
         self, pieces: list[Piece], atoms: list[Array], threshold: float
