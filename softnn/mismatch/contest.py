@@ -144,9 +144,10 @@ def rivals(
 
 
 def closer(engine: Engine, screen: Screen, law: Effect) -> list[Fit]:
-    """Joint refits of a law that is suspected, from its closer starts."""
+    """The joint refit of a suspected law from the best of its closer starts."""
     leads = screen.closer(law, ENTRY)
-    return [refine(engine, screen.base, lead.piece, 6) for lead in leads]
+    lead = max(leads, key=lambda x: x.gain, default=None)
+    return [refine(engine, screen.base, lead.piece, 6)] if lead else []
 
 
 def firm(engine: Engine, found: list[Rival]) -> list[Rival]:
