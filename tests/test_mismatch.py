@@ -18,7 +18,7 @@ from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import diagnose, diagnosis, explain, read_case, verify
 from softnn.mismatch.base import baseline
 from softnn.mismatch.case import mask_gaps, thin, to_data
-from softnn.mismatch.contest import ENTRY, Rival, at_best, candidates, names
+from softnn.mismatch.contest import ENTRY, Rival, at_best, candidates, names, rivals
 from softnn.mismatch.diagnosis import _probability, worse
 from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
 from softnn.mismatch.model_file import from_dict, read_model, to_dict
@@ -222,9 +222,11 @@ def test_a_slip_is_found_where_it_is_however_long_it_lasts(tmp_path, sizes, last
     case = read_case(write_case(tmp_path / "c", [Term(law, values)]))
     base = baseline(to_data(case), "pl-wiechert")
     found = at_best(base.engine, Screen(base.engine, base.fit), law)
-    (piece,) = (p for p in found.guess.pieces if not p.nuisance)
+    ((rival,), _) = rivals(base.engine, base.fit, [law], np.random.default_rng(0))
     own = np.flatnonzero(slip)
-    assert piece.groups == tuple((i,) for i in own)
+    for one in (rival.fit, found):
+        (piece,) = (p for p in one.guess.pieces if not p.nuisance)
+        assert piece.groups == tuple((i,) for i in own)
     np.testing.assert_allclose(piece.values["slip"][own], slip[own], rtol=0.05)
     middle = piece.values["moment_s"] + piece.values["duration_s"] / 2
     near = 0.1 + 0.05 * lasting_s
