@@ -117,8 +117,8 @@ def estimate(
     """Noise of each recording, from residuals of any smooth simulation, or stress.
 
     residuals, stresses and times are (n,) each; NaN marks what is missing. Recordings
-    of one machine share level and colour as far as the data allow: a recording keeps
-    its own colour only where it has windows enough.
+    of one machine share level and colour; where some contradict the memory that all
+    have together by having less, theirs counts.
     """
     windows = _pooled(residuals, stresses, WINDOW)
     steps = [quantum(s) for s in stresses]
