@@ -57,7 +57,8 @@ def enough(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
     needed = times * threshold
     if before.chi2 - after.chi2 < needed or score(before) - score(after) < worth:
         return False
-    price = (after.parameters - before.parameters) * np.log(len(before.residual))
+    # Of its own numbers: what of the base it sets free, the finer base has as well.
+    price = (len(after.slots) - len(before.slots)) * np.log(len(before.residual))
     return bool(over_finer(engine, before, after) > max(needed, price))
 
 
