@@ -621,10 +621,13 @@ def test_other_first_effects_are_tried_where_one_has_values_everywhere(
 
 @pytest.mark.parametrize(("values", "sure"), [(10, True), (20, False)])
 def test_values_of_recordings_must_pay_for_themselves(monkeypatch, values, sure):
-    # 200 gained, of which 80 are what nobody wrote down; ln(1000) = 6.9 a value.
+    # 200 gained, of which 80 are what nobody wrote down; ln(1000) = 6.9 a value. The
+    # base sets eight numbers free on the way, which a finer one has already.
     same = {"residual": np.zeros(1000), "guess": SimpleNamespace(pieces=())}
-    before = SimpleNamespace(chi2=1200.0, parameters=3, **same)
-    after = SimpleNamespace(chi2=1000.0, parameters=3 + values, **same)
+    before = SimpleNamespace(chi2=1200.0, parameters=3, slots=(), **same)
+    after = SimpleNamespace(
+        chi2=1000.0, parameters=11 + values, slots=(None,) * values, **same
+    )
     monkeypatch.setattr(gates, "finer", lambda engine, found: found)
     unseen = {id(before): 80.0, id(after): 0.0}
     monkeypatch.setattr(
@@ -1224,13 +1227,13 @@ def test_the_first_effect_must_gain_well_over_noise(
     threshold = 15.0
     pieces = (SimpleNamespace(effect=effect(name), nuisance=False),)
 
-    def fitted(chi2, pieces, parameters):
+    def fitted(chi2, pieces, own):
         guess = SimpleNamespace(pieces=pieces)
         return SimpleNamespace(
-            chi2=chi2, guess=guess, parameters=parameters, residual=np.zeros(900)
+            chi2=chi2, guess=guess, slots=(None,) * own, residual=np.zeros(900)
         )
 
-    before, after = fitted(1000.0, (), 5), fitted(1000.0 - times * 15, pieces, 6)
+    before, after = fitted(1000.0, (), 0), fitted(1000.0 - times * 15, pieces, 1)
     monkeypatch.setattr(gates, "score", lambda fit: 0 if fit is after else worth)
     monkeypatch.setattr(gates, "over_finer", lambda *a: times * threshold)
     assert gates.enough(None, before, after, threshold) == taken
