@@ -306,9 +306,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(a: argparse.Namespace) -> None:
-    unknown = set(a.effects) - {"", *orders.NAMES}
-    if unknown:
-        raise InputError(f"no effect is called {sorted(unknown)[0]!r}")
+    orders.check_names([name for name in a.effects if name])
     if min(*a.sizes, *a.unthinned) < 50 or min(*a.pools, a.repeats) < 1:
         raise InputError("sizes start at 50 samples, --pools and --repeats at 1")
     if a.smoke:

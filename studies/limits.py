@@ -236,12 +236,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def grid_of(a: argparse.Namespace) -> Grid:
     """The grid asked for; --smoke asks for one case and one null."""
-    unknown = set(a.effects) - set(orders.NAMES)
-    if unknown:
-        raise InputError(
-            f"no effect is called {sorted(unknown)[0]!r}; "
-            f"allowed are {', '.join(orders.NAMES)}"
-        )
+    orders.check_names(a.effects)
     if a.smoke:
         return Grid(a.seed, ("zero_offset",), (1.0,), (0.005,), ("white",), 1, 1)
     few = a.quick

@@ -104,16 +104,7 @@ def run(a: argparse.Namespace) -> None:
 
 def orders_of(a: argparse.Namespace) -> list[orders.Order]:
     """The cases asked for; --smoke asks for three."""
-    unknown = set(a.only) - set(orders.NAMES)
-    if unknown:
-        raise InputError(
-            f"no effect is called {sorted(unknown)[0]!r}; "
-            f"allowed are {', '.join(orders.NAMES)}"
-        )
-    if not a.strength > 0:
-        raise InputError(f"strength is {a.strength:g}; it must be above 0")
-    if a.cases < 0 or a.seed < 0:
-        raise InputError("--cases and --seed must be 0 or more")
+    orders.check(a.only, a.strength, a.cases, a.seed)
     if a.smoke:
         few = ["zero_offset"]
         return orders.plan(

@@ -106,16 +106,7 @@ def run(a: argparse.Namespace) -> None:
 
 
 def plan_of(a: argparse.Namespace) -> list[orders.Order]:
-    unknown = set(a.only) - set(orders.NAMES)
-    if unknown:
-        raise InputError(
-            f"no effect is called {sorted(unknown)[0]!r}; "
-            f"allowed are {', '.join(orders.NAMES)}"
-        )
-    if not a.strength > 0:
-        raise InputError(f"strength is {a.strength:g}; it must be above 0")
-    if a.cases < 0 or a.seed < 0:
-        raise InputError("--cases and --seed must be 0 or more")
+    orders.check(a.only, a.strength, a.cases, a.seed)
     each, few = (1, ["zero_offset"]) if a.smoke else (a.cases, a.only)
     nulls = 1 if a.smoke else 10 * each if a.nulls is None else a.nulls
     unlisted = 1 if a.smoke else 3 * each if a.unlisted is None else a.unlisted
