@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from softnn import noise
 from softnn.contracts import Chunk
@@ -633,6 +634,7 @@ def test_values_of_recordings_must_pay_for_themselves(monkeypatch, values, sure)
     monkeypatch.setattr(
         gates, "remembered", lambda engine, found: found.chi2 - unseen[id(found)]
     )
+    monkeypatch.setattr(gates, "slow", lambda *a: 1.0)
     assert gates.enough(None, before, after, 20.0) == sure
 
 
@@ -1236,10 +1238,47 @@ def test_the_first_effect_must_gain_well_over_noise(
     before, after = fitted(1000.0, (), 0), fitted(1000.0 - times * 15, pieces, 1)
     monkeypatch.setattr(gates, "score", lambda fit: 0 if fit is after else worth)
     monkeypatch.setattr(gates, "over_finer", lambda *a: times * threshold)
+    monkeypatch.setattr(gates, "slow", lambda *a: 1.0)
     assert gates.enough(None, before, after, threshold) == taken
+    # Where what is left is slower than noise is, that much more.
+    monkeypatch.setattr(gates, "slow", lambda *a: 1.5)
+    assert not gates.enough(None, before, after, threshold)
+    monkeypatch.setattr(gates, "slow", lambda *a: 1.0)
     # What a finer base takes up as well is none.
     monkeypatch.setattr(gates, "over_finer", lambda *a: 0.9 * threshold)
     assert not gates.enough(None, before, after, threshold)
+
+
+@pytest.mark.parametrize(
+    ("correlation", "size", "low", "high"),
+    [
+        (0.0, 1.0, 1.0, 1.0),
+        # An AR(1) of variance 1 has (1 + r) / (1 - r) of power at low frequencies; a
+        # block of 32 sees a little less of it.
+        (0.5, 1.0, 2.4, 3.2),
+        (0.5, 1.2, 1.0, 1.0),  # more than noise: something is missing
+        (0.5, 0.5, 1.0, 1.0),  # noise that was taken for too much
+    ],
+)
+def test_noise_that_is_slower_than_thought_is_seen(
+    monkeypatch, correlation, size, low, high
+):
+    rng = np.random.default_rng(3)
+    new = rng.standard_normal(8040) * np.sqrt(1 - correlation**2)
+    left = size * lfilter([1], [1, -correlation], new)
+    engine = SimpleNamespace(chunks=[None] * 3, owner=np.repeat([0, 2], [8000, 40]))
+    monkeypatch.setattr(gates, "finer", lambda engine, found: found)
+    monkeypatch.setattr(gates, "unforgotten", lambda e, found: (found.residual, None))
+    found = SimpleNamespace(chi2=float(left @ left), residual=left)
+    assert low <= gates.slow(engine, found) <= high
+
+
+def test_recordings_too_short_for_a_block_say_nothing_of_slow_noise(monkeypatch):
+    engine = SimpleNamespace(chunks=[None], owner=np.zeros(20, int))
+    found = SimpleNamespace(chi2=20.0, residual=np.ones(20))
+    monkeypatch.setattr(gates, "finer", lambda engine, found: found)
+    monkeypatch.setattr(gates, "unforgotten", lambda e, found: (found.residual, None))
+    assert gates.slow(engine, found) == 1.0
 
 
 @pytest.mark.parametrize(("which", "taken"), [(0, True), (4, True), (5, False)])

@@ -18,13 +18,15 @@ from softnn.mismatch.contest import (
     sponge,
     without_form,
 )
-from softnn.mismatch.forms import finer, remembered
+from softnn.mismatch.forms import finer, remembered, unforgotten
 
 CLEAR = 1.5  # times the threshold of noise, which a later effect must gain
 PLAINLY = 4.0  # the same where as little is left as noise leaves
 # What the first effect must gain: times the threshold of noise, and of score. More of
 # one that seeks a moment in each recording: noise has many for it to find.
 SURE = {False: (1.1, 6.0), True: (1.5, 20.0)}
+BLOCK = 32  # samples, beside which noise forgets at once if its memory is known
+MAYBE = 0.25  # excess, up to which what is left may be noise taken for too little
 # What a later effect must win beyond the forms of the earlier ones: shares of what they
 # leave and of what they gained. One that is small beside them must leave little; and
 # less still where it has a value of its own in each recording, which fits anything.
@@ -59,7 +61,30 @@ def enough(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
         return False
     # Of its own numbers: what of the base it sets free, the finer base has as well.
     price = (len(after.slots) - len(before.slots)) * np.log(len(before.residual))
-    return bool(over_finer(engine, before, after) > max(needed, price))
+    gain = over_finer(engine, before, after)
+    return bool(gain > max(needed, price) and gain > needed * slow(engine, after))
+
+
+def slow(engine: Engine, found: Fit) -> float:
+    """Power of what is left at low frequencies, over that of white noise; at least 1.
+
+    Noise whose memory was taken for too short is not white where it is weighed. Effects
+    are slow, and gain of such noise by as much more. Where what is left is more than
+    noise may be, it is something missing and says nothing of the noise.
+    """
+    if found.chi2 > (1 + MAYBE) * len(found.residual):
+        return 1.0
+    left, _ = unforgotten(engine, finer(engine, found))
+    sums = []
+    for r in range(len(engine.chunks)):
+        own = left[engine.owner == r]
+        whole = own[: len(own) // BLOCK * BLOCK].reshape(-1, BLOCK)
+        sums.append(whole.sum(axis=1))
+    power = np.concatenate(sums) ** 2 / BLOCK
+    if not len(power):
+        return 1.0
+    chance = 2 * np.sqrt(2 / len(power))  # two standard deviations of white noise
+    return float(power.mean()) if power.mean() > 1 + chance else 1.0
 
 
 def over_finer(engine: Engine, before: Fit, after: Fit) -> float:
