@@ -278,7 +278,8 @@ def draw(axes: Axes, curve: dict[str, Any], name: str, colour: str) -> None:
         curve["counts"], curve["seconds"], color=colour, marker="o", ms=3, label=label
     )
     low, high = axes.get_ylim()
-    seconds = [s for s in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if low < s < high]
+    marks = (0.1, 0.2, 0.3, 0.5, 1, 2, 3, 5, 10, 20, 30, 50, 100)
+    seconds = [s for s in marks if low < s < high]
     axes.set_yticks(seconds, [f"{s:g}" for s in seconds])
     axes.minorticks_off()
     axes.legend(fontsize=7)

@@ -176,11 +176,18 @@ def figure(rows: Mapping[str, Mapping[str, Any]], what: Mapping[str, str]) -> Fi
     """Naming against false alarms, with intervals; up and to the left is better."""
     made = new_figure(6.4, 4.2)
     axes = made.subplots()
-    shown = [(n, r) for n, r in rows.items() if r["right"] and r["alarms"]]
+    shown = [
+        (name, row)
+        for name, row in rows.items()
+        if all(row[key] and row[key]["of"] for key in ("right", "alarms"))
+    ]
     for i, (name, row) in enumerate(shown):
         x, y = row["alarms"], row["right"]
-        if not x["of"] or not y["of"]:
-            continue
+        over = (
+            0 < other["right"]["rate"] - y["rate"] < 0.06
+            and abs(other["alarms"]["rate"] - x["rate"]) < 0.2
+            for _, other in shown
+        )
         colour = INK if name == SOFTNN else COLOURS[i % len(COLOURS)]
         axes.errorbar(
             x["rate"],
@@ -196,7 +203,7 @@ def figure(rows: Mapping[str, Mapping[str, Any]], what: Mapping[str, str]) -> Fi
         axes.annotate(
             what.get(name, name),
             (x["rate"], y["rate"]),
-            xytext=(6, 5 if i % 2 else -11),
+            xytext=(6, -11 if any(over) else 5),
             textcoords="offset points",
             color=colour,
             fontsize=8,
