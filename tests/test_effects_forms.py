@@ -55,6 +55,39 @@ def test_a_branch_too_quick_to_flow_is_a_neo_hookean_strip(stretch):
     np.testing.assert_allclose(out[-1], e / 3 * (stretch - stretch**-2), rtol=1e-6)
 
 
+@pytest.mark.parametrize("exponent", [-1.0, 0.0, 0.5])
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_branches_of_which_a_share_is_finite_are_the_sum_of_both(share, exponent):
+    # At rest after a step all of them relax alike, so the sum is exact.
+    law, stretch = effect("finite_strain", "PartlyFinite"), 2.5
+    values = {"amount": share, "exponent": exponent}
+    units = Units("wiechert", (0.0, 1.0), (0.5, 5.0))
+    time = np.concatenate([[0.0, 1e-9], np.linspace(0.1, 8, 80)])
+    step = Chunk(time, np.append(0.0, np.full(81, stretch - 1)))
+    out = simulate(units, [0.0, 0.7, 0.4], [Term(law, values)], [step])[0]
+    measure = {
+        -1.0: 1 - 1 / stretch,  # Almansi's for one direction
+        0.0: np.log(stretch),
+        0.5: 2 * (np.sqrt(stretch) - 1),
+    }[exponent]
+    both = (1 - share) * (stretch - 1) + share * measure / stretch
+    fading = 0.7 * np.exp(-time[1:] / 0.5) + 0.4 * np.exp(-time[1:] / 5.0)
+    np.testing.assert_allclose(out[1:], both * fading, rtol=1e-6)
+
+
+def test_all_branches_finite_are_those_of_the_first_form():
+    pull = Chunk(np.linspace(0, 9, 91), 1.5 * np.sin(np.linspace(0, 3, 91)))
+    units, stiffness = Units("wiechert", (0.0, 1.0), (0.5, 5.0)), [1.0, 0.7, 0.4]
+    law, whole = effect("finite_strain", "PartlyFinite"), effect("finite_strain")
+    part = {"amount": 1.0, "exponent": 0.0}
+    hencky = {"amount": 1.0, "section": 1.0}
+    np.testing.assert_allclose(
+        simulate(units, stiffness, [Term(law, part)], [pull])[0],
+        simulate(units, stiffness, [Term(whole, hencky)], [pull])[0],
+        rtol=1e-10,
+    )
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_wall_friction_is_a_share_of_the_load_up_and_down(side):
     # Slid through, the load is (1 + mu) times that of the spring on the way out and

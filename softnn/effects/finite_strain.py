@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Array, Effect, Parameter
 from softnn.effects._programmes import ramps
 
 FARTHEST = 2.0  # logarithmic elastic strain of a branch: seven times its length
@@ -67,7 +67,7 @@ class FiniteStrain(Effect):
 
     @property
     def second_forms(self):
-        return (StretchedBranches(),)
+        return (StretchedBranches(), PartlyFinite())
 
     def starts(self, scales):
         return [{"amount": 1.0, "section": 1.0}]
@@ -107,3 +107,47 @@ class StretchedBranches(FiniteStrain):
             s | {"modulus_MPa": float(np.clip(modulus, 1e-6, 1e6))}
             for s in super().starts(scales)
         ]
+
+
+class PartlyFinite(FiniteStrain):
+    r"""Branches of which a share is at finite strain, while the rest stays as it is.
+
+    .. math:: \sigma_b \to w\,\sigma_b, \qquad
+              \varepsilon_b = \frac{(1-\kappa)\,\varepsilon
+              + \kappa\,h(\lambda)/\lambda}{w}, \qquad
+              w = 1-\kappa + \frac{\kappa}{\lambda}, \qquad
+              h = \frac{\lambda^{m}-1}{m}
+
+    For a share kappa of 1 the strain is of the Seth-Hill family, of exponent m, and the
+    stress is on the current cross-section; in between, the sum of both parts as far as
+    they relax alike.
+    """
+
+    parameters = (
+        Parameter("amount", "-", 0.0, 1.0, 0.5, meaning="share, 1 all of them"),
+        Parameter("exponent", "-", -2.0, 2.0, 0.0, meaning="m, 0 is Hencky"),
+    )
+    shape: tuple[str, ...] = ("exponent",)
+
+    def before(self, p, signal, state):
+        engineering, share, m = signal.branch_strain, p["amount"], p["exponent"]
+        stretch = np.maximum(1 + engineering, 1e-3)
+        true = np.log(stretch)
+        near = np.abs(m) < 1e-9
+        finite = np.where(near, true, np.expm1(m * true) / np.where(near, 1.0, m))
+        both = (1 - share) * engineering + share * finite / stretch
+        strain = np.where(share == 0, engineering, both / _weight(share, stretch))
+        return replace(signal, branch_strain=strain), None
+
+    def after(self, p, signal, state):
+        stretch = np.maximum(1 + signal.strain, 1e-3)
+        weight = _weight(p["amount"], stretch)
+        return replace(signal, branches=signal.branches * weight), None
+
+    def starts(self, scales):
+        return [{"amount": 0.3, "exponent": 0.0}]
+
+
+def _weight(share: Array, stretch: Array) -> Array:
+    """Stress over that of branches of engineering strain, at one elastic strain."""
+    return 1 - share + share / stretch
