@@ -437,9 +437,36 @@ def recordings(page: Page, found: Result) -> None:
         cells = [[name, share(e), e["of"]] for name, e in entries]
         page.say(
             "Faults made on copies of real recordings, to be found on top of what is "
-            "there:",
+            f"there (hash of softnn's code {', '.join(faults['code'])}):",
             markdown(["fault", "found", "copies"], cells),
         )
+        missed(page, faults)
+
+
+def missed(page: Page, faults: Mapping[str, Any]) -> None:
+    """Made faults that were not found, beside what of the original is not explained."""
+    close = faults["found_where_close"]
+    lost: dict[tuple[str, str, float | None], list[Mapping[str, Any]]] = {}
+    page.say(
+        "Where what softnn makes of the original foretells recordings left out within "
+        f"{percent(faults['close'], 0)} of their range, {share(close) or '-'} of "
+        f"{close['of']} were found. Those that were not:"
+    )
+    for c in faults["copies"]:
+        if not (c["found"] or c["there_before"]):
+            lost.setdefault((c["set"], c["group"], c["left"]), []).append(c)
+    rows = [
+        [
+            f"{name} {group}".strip(),
+            percent(left),
+            "; ".join(f"{c['fault']}: {', '.join(c['said'])}" for c in copies),
+        ]
+        for (name, group, left), copies in sorted(
+            lost.items(), key=lambda kv: -(kv[0][2] or 0)
+        )
+    ]
+    heads = ["recordings", "missed without a fault", "fault: what was said"]
+    page.say(markdown(heads, rows) if rows else "")
 
 
 def cost(page: Page, found: Result) -> None:

@@ -107,6 +107,12 @@ def rivals_found() -> dict:
     return {"trials": {"strength-1": trial}}
 
 
+def copy_of(name: str, fault: str, found: bool = False, there: bool = False) -> dict:
+    told = {"set": name, "group": "a", "fault": fault, "found": found}
+    told |= {"there_before": there, "said": [f"not {fault}"]}
+    return told | {"left": {"film": 0.0121, "tape": 0.0888}[name]}
+
+
 def recordings_found() -> dict:
     row = {
         "set": "foam",
@@ -130,7 +136,13 @@ def recordings_found() -> dict:
         "by_fault": {"slack": Rate(9, 10).entry()},
         "found": Rate(9, 10).entry(),
         "with_a_false_name": Rate(0, 10).entry(),
+        "code": ["0123abcd"],
+        "close": 0.05,
+        "found_where_close": Rate(8, 8).entry(),
+        "copies": [copy_of("film", "lag", True), copy_of("tape", "slip", True)],
     }
+    faults["copies"] += [copy_of("film", "lag"), copy_of("tape", "lag")]
+    faults["copies"] += [copy_of("tape", "slip"), copy_of("tape", "clip", there=True)]
     rows = [row, {**row, "base": "hooke"}, {**row, "kind": "all", "unseen": {}}]
     return {"headline": head, "rows": rows, "faults": faults}
 
@@ -173,6 +185,13 @@ def test_the_page_quotes_the_results(tmp_path):
         foam + " no: no permanent_set |"
     ]
     assert "| slack | 90 % (60 to 98) | 10 |" in cells
+    assert "(hash of softnn's code 0123abcd):" in text
+    assert "within 5 % of their range, 100 % (68 to 100) of 8 were found" in text
+    lost = [c for c in cells if c.startswith(("| film a", "| tape a"))]
+    assert lost == [  # what is least explained first
+        "| tape a | 8.88 % | lag: not lag; slip: not slip |",
+        "| film a | 1.21 % | lag: not lag |",
+    ]
     assert "agree with it in 7. Of 6 groups with a bar 5 meet it" in text
     assert "is missed by 30.00 % by the base and by - with" in text
     shown = re.findall(r"!\[.+?\]\((.+?)\)", text)

@@ -98,19 +98,27 @@ def test_faults_sit_in_their_share_and_the_original_stays():
 
 def test_faults_are_scored_on_top_of_what_is_there():
     rows = [
-        Row("s", "g", "fault", "b", selected=["mullins_softening"]),
+        Row("s", "g", "fault", "b", selected=["mullins_softening"],
+            heldout=[0.2, 0.06]),
         Row("s", "g", "fault", "b", fault="lag", expected="sensor_lag",
             selected=["mullins_softening", "sensor_lag"]),
         Row("s", "g", "fault", "b", fault="slip", expected="grip_slip",
             selected=["inertia"]),
-        Row("s", "h", "fault", "b", selected=["sensor_lag"]),
+        Row("s", "h", "fault", "b", selected=["sensor_lag"], heldout=[0.2, 0.04]),
+        Row("s", "h", "fault", "b", fault="clip", expected="load_cell_saturation",
+            verdict="unexplained"),
         Row("s", "h", "fault", "b", fault="lag", expected="sensor_lag",
             selected=["sensor_lag"]),
     ]  # fmt: skip
     scores = fault_scores(rows)
-    assert scores["found"]["of"] == 2  # a lag that was there before proves nothing
-    assert scores["found"]["rate"] == 0.5
-    assert scores["with_a_false_name"]["rate"] == 0.5
+    assert scores["found"]["of"] == 3  # a lag that was there before proves nothing
+    assert scores["found"]["rate"] == pytest.approx(1 / 3)
+    assert scores["with_a_false_name"]["rate"] == pytest.approx(1 / 3)
+    # Of the second original alone is little left.
+    assert scores["found_where_close"]["of"] == 1
+    assert scores["found_where_close"]["rate"] == 0
+    assert [c["left"] for c in scores["copies"]] == [0.06, 0.06, 0.04, 0.04]
+    assert scores["copies"][2]["said"] == ["unexplained"]
     assert scores["copies"][1]["lost"] == ["mullins_softening"]
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 
 MAIN = "pl-wiechert"  # the base that bars and faults are about
+CLOSE = 0.05  # held-out NRMSE that the account of an original leaves: accepted by eye
 
 
 @dataclass
@@ -138,7 +139,8 @@ def met(row: Row, material: Material) -> bool | None:
 
 def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
     """Faults found on top of what is named in the copy without one."""
-    plain = {(r.set, r.group): set(r.selected) for r in rows if not r.expected}
+    originals = {(r.set, r.group): r for r in rows if not r.expected}
+    plain = {key: set(r.selected) for key, r in originals.items()}
     told: list[dict[str, Any]] = []
     for r in rows:
         base = plain.get((r.set, r.group))
@@ -154,6 +156,9 @@ def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
                 "there_before": r.expected in base,
                 "found": r.expected in new,
                 "equivalent": r.expected in r.equivalent,
+                "said": r.selected or [r.verdict],
+                # What the account of the original misses, beside which it must be seen.
+                "left": next(reversed(originals[r.set, r.group].heldout), None),
                 "false": sorted(new - {r.expected}),
                 "lost": sorted(base - set(r.selected)),
             }
@@ -164,8 +169,11 @@ def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
         for name in dict.fromkeys(t["fault"] for t in counted)
         if (mine := [t for t in counted if t["fault"] == name])
     }
+    close = [t for t in counted if t["left"] is not None and t["left"] < CLOSE]
     return {
         "code": sorted({r.code for r in rows}),
+        "close": CLOSE,
+        "found_where_close": wilson(sum(t["found"] for t in close), len(close)),
         "found": wilson(sum(t["found"] for t in counted), len(counted)),
         "with_a_false_name": wilson(
             sum(bool(t["false"]) for t in counted), len(counted)
