@@ -43,6 +43,7 @@ from studies.common import (
 from studies.concealed import forge, orders
 from studies.concealed.planting import Planted
 from studies.concealed.settings import Setting
+from studies.concealed.trial import check_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -307,7 +308,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(a: argparse.Namespace) -> None:
-    orders.check_names([name for name in a.effects if name])
+    check_names([name for name in a.effects if name])
     if min(*a.sizes, *a.unthinned) < 50 or min(*a.pools, a.repeats) < 1:
         raise InputError("sizes start at 50 samples, --pools and --repeats at 1")
     if a.smoke:

@@ -36,6 +36,7 @@ from softnn.workers import workers
 from studies.common import RUNS, guarded, parser
 from studies.concealed import orders, scoring, sealing
 from studies.concealed.noises import LEVELS
+from studies.concealed.trial import check_names
 from studies.limits_report import CORRELATION_S, report
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
@@ -236,7 +237,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def grid_of(a: argparse.Namespace) -> Grid:
     """The grid asked for; --smoke asks for one case and one null."""
-    orders.check_names(a.effects)
+    check_names(a.effects)
     if a.smoke:
         return Grid(a.seed, ("zero_offset",), (1.0,), (0.005,), ("white",), 1, 1)
     few = a.quick

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from softnn.contracts import InputError
 from studies.concealed import material, rig, sensor
 from studies.concealed.planting import Context, Planted
 from studies.concealed.unlisted import UNLISTED
@@ -87,24 +86,6 @@ def order_of(answer: Mapping[str, Any]) -> Order:
         *(answer[k] for k in ("strength", "seed", "number", "dirty", "simulated")),
         **answer.get("prescribed", {}),
     )
-
-
-def check_names(names: Sequence[str]) -> None:
-    """Raise InputError for a name that no effect has."""
-    unknown = sorted(set(names) - set(NAMES))
-    if unknown:
-        raise InputError(
-            f"no effect is called {unknown[0]!r}; allowed are {', '.join(NAMES)}"
-        )
-
-
-def check(names: Sequence[str], strength: float, cases: int, seed: int) -> None:
-    """Raise InputError for what no trial can be planned of."""
-    check_names(names)
-    if not strength > 0:
-        raise InputError(f"strength is {strength:g}; it must be above 0")
-    if cases < 0 or seed < 0:
-        raise InputError("--cases and --seed must be 0 or more")
 
 
 def plan(

@@ -102,9 +102,27 @@ def run(a: argparse.Namespace) -> None:
     report(folder, record, scores, a.tracking)
 
 
+def check_names(names: Sequence[str]) -> None:
+    """Raise InputError for a name that no effect has."""
+    unknown = sorted(set(names) - set(orders.NAMES))
+    if unknown:
+        raise InputError(
+            f"no effect is called {unknown[0]!r}; allowed are {', '.join(orders.NAMES)}"
+        )
+
+
+def check(names: Sequence[str], strength: float, cases: int, seed: int) -> None:
+    """Raise InputError for what no trial can be planned of."""
+    check_names(names)
+    if not strength > 0:
+        raise InputError(f"strength is {strength:g}; it must be above 0")
+    if cases < 0 or seed < 0:
+        raise InputError("--cases and --seed must be 0 or more")
+
+
 def orders_of(a: argparse.Namespace) -> list[orders.Order]:
     """The cases asked for; --smoke asks for three."""
-    orders.check(a.only, a.strength, a.cases, a.seed)
+    check(a.only, a.strength, a.cases, a.seed)
     if a.smoke:
         few = ["zero_offset"]
         return orders.plan(

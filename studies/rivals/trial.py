@@ -22,7 +22,7 @@ from softnn.contracts import InputError
 from softnn.workers import workers
 from studies.common import RUNS, guarded, parser, plain
 from studies.concealed import orders, scoring, sealing
-from studies.concealed.trial import diagnose, forge_into, write_record
+from studies.concealed.trial import check, diagnose, forge_into, write_record
 from studies.rivals import classifier, methods, table
 from studies.rivals.extra import INSTALL
 from studies.rivals.methods import METHODS, Method, method
@@ -106,7 +106,7 @@ def run(a: argparse.Namespace) -> None:
 
 
 def plan_of(a: argparse.Namespace) -> list[orders.Order]:
-    orders.check(a.only, a.strength, a.cases, a.seed)
+    check(a.only, a.strength, a.cases, a.seed)
     each, few = (1, ["zero_offset"]) if a.smoke else (a.cases, a.only)
     nulls = 1 if a.smoke else 10 * each if a.nulls is None else a.nulls
     unlisted = 1 if a.smoke else 3 * each if a.unlisted is None else a.unlisted
