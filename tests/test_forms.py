@@ -1274,8 +1274,8 @@ def test_noise_that_is_slower_than_thought_is_seen(
 
 
 def test_recordings_too_short_for_a_block_say_nothing_of_slow_noise(monkeypatch):
-    engine = SimpleNamespace(chunks=[None], owner=np.zeros(20, int))
-    found = SimpleNamespace(chi2=20.0, residual=np.ones(20))
+    engine = SimpleNamespace(chunks=[None] * 10, owner=np.repeat(np.arange(10), 31))
+    found = SimpleNamespace(chi2=310.0, residual=np.ones(310))
     monkeypatch.setattr(gates, "finer", lambda engine, found: found)
     monkeypatch.setattr(gates, "unforgotten", lambda e, found: (found.residual, None))
     assert gates.slow(engine, found) == 1.0

@@ -120,7 +120,7 @@ class PartlyFinite(FiniteStrain):
 
     For a share kappa of 1 the strain is of the Seth-Hill family, of exponent m, and the
     stress is on the current cross-section; in between, the sum of both parts as far as
-    they relax alike.
+    they relax alike. The family of measures is that of Hill 1968, there.
     """
 
     parameters = (

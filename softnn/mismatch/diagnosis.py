@@ -26,6 +26,7 @@ from softnn.mismatch.case import (
 from softnn.mismatch.contest import Rival, score, sponge
 from softnn.mismatch.explain import TEMPER, Explanation, explain, shown_alone
 from softnn.mismatch.forms import finer, unforgotten
+from softnn.mismatch.gates import DOUBT
 from softnn.mismatch.learn import Learned, learn, period
 from softnn.mismatch.model_file import Stored, to_dict
 from softnn.mismatch.strangers import words
@@ -42,7 +43,6 @@ EXPLAINED, PARTLY = 0.03, 0.5  # share of the excess left, at most
 MUCH = 0.2  # of the excess left: what explains four fifths may be only near the truth
 ANY_FORM = 0.02  # and the share left by the effects in any form
 WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
-DOUBT = 0.25  # excess that may still be the noise, taken for too little
 LINE = 3.0  # times the power that noise may show at one period, which is no noise
 BEAT = 4.0  # the same for what is left, whose form may repeat with the cycles
 FAINT = 3.0  # excess of the base, up to which its error is within twice the noise

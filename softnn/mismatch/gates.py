@@ -26,7 +26,7 @@ PLAINLY = 4.0  # the same where as little is left as noise leaves
 # one that seeks a moment in each recording: noise has many for it to find.
 SURE = {False: (1.1, 6.0), True: (1.5, 20.0)}
 BLOCK = 32  # samples, beside which noise forgets at once if its memory is known
-MAYBE = 0.25  # excess, up to which what is left may be noise taken for too little
+DOUBT = 0.25  # excess that may still be the noise, taken for too little
 # What a later effect must win beyond the forms of the earlier ones: shares of what they
 # leave and of what they gained. One that is small beside them must leave little; and
 # less still where it has a value of its own in each recording, which fits anything.
@@ -72,7 +72,7 @@ def slow(engine: Engine, found: Fit) -> float:
     are slow, and gain of such noise by as much more. Where what is left is more than
     noise may be, it is something missing and says nothing of the noise.
     """
-    if found.chi2 > (1 + MAYBE) * len(found.residual):
+    if found.chi2 > (1 + DOUBT) * len(found.residual):
         return 1.0
     left, _ = unforgotten(engine, finer(engine, found))
     sums = []
