@@ -29,6 +29,7 @@ from studies.concealed.orders import NAMES
 from studies.concealed.scoring import Rate
 from studies.cost import cost_figure
 from studies.limits_report import curve, noise_table
+from studies.rivals import table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -359,9 +360,10 @@ def rivals(page: Page, found: Result) -> None:
                     cells.append(percent(entry))
                 else:
                     cells.append(f"{entry:.2g}")
-            rows.append(cells)
+            rows.append([*cells, table.versus(row)])
+        head = [f"strength {strength_of(t):g}", *heads.values(), table.VERSUS]
         page.say(
-            markdown([f"strength {strength_of(t):g}", *heads.values()], rows),
+            markdown(head, rows),
             beaten(t.get("wins", []), heads),
         )
 
@@ -371,7 +373,8 @@ def beaten(wins: Sequence[Mapping[str, Any]], heads: Mapping[str, str]) -> str:
         return "No rival is better in any column."
     parts = [
         f"{w['rival']} ({heads.get(w['column'], w['column'])}, "
-        f"{w['rival_value']:.3g} against {w['softnn_value']:.3g})"
+        f"{w['rival_value']:.3g} against {w['softnn_value']:.3g}"
+        + (", within the intervals)" if w.get("apart") is False else ")")
         for w in wins
     ]
     return "Better than softnn: " + "; ".join(parts) + "."

@@ -99,7 +99,14 @@ def rivals_found() -> dict:
     row = {"right": Rate(3, 4).entry(), "alarms": None, "heldout_nrmse": 0.0123}
     trial = {
         "record": {"strength": 1},
-        "table": {"softnn": row, "bic": {**row, "right": Rate(4, 4).entry()}},
+        "table": {
+            "softnn": row,
+            "bic": {
+                **row,
+                "right": Rate(4, 4).entry(),
+                "paired": {"ratio": 0.998, "low": 0.91, "high": 1.09, "of": 4},
+            },
+        },
         "wins": [
             {"rival": "bic", "column": "right", "rival_value": 1, "softnn_value": 0.75}
         ],
@@ -179,7 +186,9 @@ def test_the_page_quotes_the_results(tmp_path):
     assert "takes 4.0 s (x, 2 cores)" in text
     assert "0.98 when every sample is used, and - with the effects" in text
     assert "Better than softnn: bic (right and alone, 1 against 0.75)." in text
-    assert "| softnn | 75 % (30 to 95) | - | - | - | 1.23 % | - |" in cells
+    assert "| softnn | 75 % (30 to 95) | - | - | - | 1.23 % | - | - |" in cells
+    bic = "| bic | 100 % (51 to 100) | - | - | - | 1.23 % | - | 1.00 (0.91 to 1.09) |"
+    assert bic in cells
     foam = "| foam a | specimen 4, 5 | mullins_softening | 21.00 % | 3.71 % |"
     assert [c for c in cells if c.startswith("| foam a")] == [
         foam + " no: no permanent_set |"

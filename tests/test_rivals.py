@@ -428,6 +428,37 @@ def test_the_table_says_where_a_rival_wins():
     assert "No rival beats softnn" in table.as_markdown({"softnn": rows["softnn"]}, {})
 
 
+def test_held_out_errors_are_compared_case_by_case():
+    own = {"a": said(["slack"], 0.02), "b": said([], 0.04), "c": said([], 9.0)}
+    other = {"a": said([], 0.01), "b": said([], 0.04), "c": said([], 1.0)}
+    found = table.paired(KEYS[:3], own, other)
+    assert found["of"] == 2  # a null is nobody's effect
+    assert found["ratio"] == pytest.approx(2**0.5)
+    # Two cases drawn with replacement: each alone one time in four.
+    assert (found["low"], found["high"]) == pytest.approx((1.0, 2.0))
+    mute = {key: {"verdict": "no diagnosis"} for key in "abc"}
+    assert table.paired(KEYS[:3], own, mute) is None
+
+
+@pytest.mark.parametrize(("errors", "apart"), [((1.5, 1.6), True), ((0.8, 4), False)])
+def test_a_better_median_may_be_within_the_intervals(errors, apart):
+    own = {k["case"]: said(k["effects"][:1], 0.02) for k in KEYS}
+    other = {
+        k["case"]: said(k["effects"][:1], 0.02 / e)
+        for k, e in zip(KEYS, [*errors, 1, 1], strict=True)
+    }
+    flags = dict.fromkeys("abcd", True)
+    rows = {
+        n: table.scores(KEYS, g, flags) for n, g in (("softnn", own), ("bic", other))
+    }
+    rows["bic"]["paired"] = table.paired(KEYS, own, other)
+    (won,) = [w for w in table.wins(rows) if w["column"] == "over_floor"]
+    assert won["apart"] is apart
+    text = table.as_markdown(rows, {})
+    assert ("within the intervals" in text) is not apart
+    assert f"{rows['bic']['paired']['ratio']:.2f} (" in text
+
+
 def test_figure_shows_those_that_name():
     flags = dict.fromkeys("abcd", True)
     given = {k["case"]: said(k["effects"]) for k in KEYS}

@@ -97,6 +97,9 @@ def run(a: argparse.Namespace) -> None:
         n: table.scores(keys, given[n], good, n == SOFTNN or method(n).names)
         for n in names
     }
+    for n in names:
+        if n != SOFTNN and SOFTNN in given:
+            rows[n]["paired"] = table.paired(keys, given[SOFTNN], given[n])
     what = {m.name: m.what for m in METHODS}
     body = {
         "accepted_cases": sum(good.values()),
