@@ -407,14 +407,15 @@ def recordings(page: Page, found: Result) -> None:
     page.say(
         f"Of {head['groups']} groups of recordings {head['groups_judged']} are of "
         "materials of which the literature says what is in them; the names agree with "
-        f"it in {head['groups_in_agreement']}. Of {head['bars']} groups with a bar "
-        f"{head['bars_met']} meet it. What comes after first loading, predicted from "
-        f"first loading alone, is missed by {medians[0] or '-'} by the base and by "
-        f"{medians[1] or '-'} with what was named (medians)."
+        f"it in {head['groups_in_agreement']}. Of {head['bars']} predictions with a "
+        f"bar {head['bars_met']} meet it. What comes after first loading, predicted "
+        f"from first loading alone, is missed by {medians[0] or '-'} by the base and "
+        f"by {medians[1] or '-'} with what was named (medians)."
     )
     if len(found.get("bases", {})) > 1:
         page.say("Each base leaves other physics out:", bases(found["bases"]))
     rows = []
+    bars = {(m["set"], m["group"]): m["bars"] for m in found["literature"]}
     for r in found["rows"]:
         if r["kind"] != "split" or r["base"] != BASE or not r["unseen"]:
             continue
@@ -424,15 +425,20 @@ def recordings(page: Page, found: Result) -> None:
         rows.append(
             [
                 f"{r['set']} {r['group']}".strip(),
-                f"{r['split']} {r['label']}".strip(),
+                f"{r['split']} {r['label']}".strip() + " *" * r["outside"],
                 ", ".join(r["selected"]) or r["verdict"],
                 percent(r["unseen"]["before"]),
                 percent(r["unseen"]["after"]),
+                judged(bars.get((r["set"], r["group"]), {}), r["bars_met"]),
                 agrees[r["agrees"]],
             ]
         )
-    heads = ["recordings", "predicted", "named", "base alone", "corrected"]
-    page.say(markdown([*heads, "as the literature"], rows) if rows else "")
+    heads = ["recordings", "predicted", "named", "base alone", "corrected", "bar"]
+    if rows:
+        page.say(
+            markdown([*heads, "as the literature"], rows),
+            "\\* beyond all that was fitted. A bar is the largest error allowed.",
+        )
     faults = found.get("faults")
     if faults:
         entries = [*faults["by_fault"].items(), ("all", faults["found"])]
@@ -444,6 +450,15 @@ def recordings(page: Page, found: Result) -> None:
             markdown(["fault", "found", "copies"], cells),
         )
         missed(page, faults)
+
+
+def judged(bars: Mapping[str, float], met: bool | None) -> str | None:
+    """A bar and whether it is met; None where there is none."""
+    if met is None or not bars:
+        return None
+    parts = [f"{percent(bars['nrmse'], 1)}"] if "nrmse" in bars else []
+    parts += [f"{percent(bars['ratio'], 0)} of the base's"] if "ratio" in bars else []
+    return f"{' and '.join(parts)}, {'met' if met else 'missed'}"
 
 
 def missed(page: Page, faults: Mapping[str, Any]) -> None:

@@ -134,7 +134,12 @@ def recordings_found() -> dict:
         "named_though_absent": [],
         "agrees": False,
         "unseen": {"before": 0.21, "after": 0.0371},
+        "bars_met": True,
+        "outside": False,
     }
+    beyond = {"group": "b", "bars_met": False, "outside": True}
+    material = [{"set": "foam", "group": "a", "bars": {"nrmse": 0.04, "ratio": 0.25}}]
+    material += [{"set": "foam", "group": "b", "bars": {"nrmse": 0.035}}]
     head = {"groups": 12, "groups_judged": 9, "groups_in_agreement": 7}
     head |= {"bars": 6, "bars_met": 5}
     head |= {"cycles_from_first_loading_nrmse_before_median": 0.3}
@@ -151,7 +156,8 @@ def recordings_found() -> dict:
     faults["copies"] += [copy_of("film", "lag"), copy_of("tape", "lag")]
     faults["copies"] += [copy_of("tape", "slip"), copy_of("tape", "clip", there=True)]
     rows = [row, {**row, "base": "hooke"}, {**row, "kind": "all", "unseen": {}}]
-    return {"headline": head, "rows": rows, "faults": faults}
+    rows.append({**row, **beyond})
+    return {"headline": head, "rows": rows, "faults": faults, "literature": material}
 
 
 def test_nothing_has_been_run(tmp_path):
@@ -189,9 +195,11 @@ def test_the_page_quotes_the_results(tmp_path):
     assert "| softnn | 75 % (30 to 95) | - | - | - | 1.23 % | - | - |" in cells
     bic = "| bic | 100 % (51 to 100) | - | - | - | 1.23 % | - | 1.00 (0.91 to 1.09) |"
     assert bic in cells
-    foam = "| foam a | specimen 4, 5 | mullins_softening | 21.00 % | 3.71 % |"
-    assert [c for c in cells if c.startswith("| foam a")] == [
-        foam + " no: no permanent_set |"
+    named, lost = "mullins_softening | 21.00 % | 3.71 %", "no: no permanent_set"
+    assert [c for c in cells if c.startswith("| foam")] == [
+        f"| foam a | specimen 4, 5 | {named} | 4.0 % and 25 % of the base's, met | "
+        f"{lost} |",
+        f"| foam b | specimen 4, 5 * | {named} | 3.5 %, missed | {lost} |",
     ]
     assert "| slack | 90 % (60 to 98) | 10 |" in cells
     assert "(hash of softnn's code 0123abcd):" in text
@@ -201,7 +209,7 @@ def test_the_page_quotes_the_results(tmp_path):
         "| tape a | 8.88 % | lag: not lag; slip: not slip |",
         "| film a | 1.21 % | lag: not lag |",
     ]
-    assert "agree with it in 7. Of 6 groups with a bar 5 meet it" in text
+    assert "agree with it in 7. Of 6 predictions with a bar 5 meet it" in text
     assert "is missed by 30.00 % by the base and by - with" in text
     shown = re.findall(r"!\[.+?\]\((.+?)\)", text)
     assert len(shown) == 3
