@@ -1299,6 +1299,45 @@ def test_the_first_five_are_tried_against_what_they_leave(monkeypatch, which, ta
     assert told == ([str(which), *(str(i) for i in range(7) if i != which)] * taken)
 
 
+@pytest.mark.parametrize(
+    ("errors", "left", "told"),
+    [
+        ([0.8, 0.8, 0.8, 0.8], 80.0, True),
+        ([0.2, 0.8, 0.9, 0.7], 89.0, True),
+        ([0.2, 0.8, 0.9, 0.7], 91.0, False),  # next to nothing is gained
+        ([0.2, 0.8, 3.0, 0.7], 80.0, False),  # one recording speaks against it
+        ([0.8, 0.8, 0.8], 80.0, False),  # too few to tell
+    ],
+)
+def test_where_noise_is_no_measure_recordings_left_out_are(
+    monkeypatch, errors, left, told
+):
+    engine = SimpleNamespace(body=True, chunks=[None] * len(errors), target=[0.0])
+    piece = SimpleNamespace(
+        nuisance=False, effect=SimpleNamespace(id="slack", per_recording=("gap",))
+    )
+    guess = SimpleNamespace(pieces=[piece])
+    before = SimpleNamespace(
+        chi2=100.0, residual=[0.0], guess=SimpleNamespace(pieces=[])
+    )
+    after = SimpleNamespace(chi2=left, residual=[0.0], guess=guess)
+    missed = {100.0: np.ones(len(errors)), left: np.array(errors)}
+    monkeypatch.setattr(gates, "heldout", lambda e, fit: (missed[fit.chi2], None))
+    assert gates.foretold(engine, before, after) == told
+    assert adds(engine, before, before, after, 15.0) == told
+    # Or it takes up so much that there is no need to ask.
+    monkeypatch.setattr(gates, "foretold", lambda *a: False)
+    assert not adds(engine, before, before, after, 15.0)
+    monkeypatch.setattr(gates, "LEFT", 0.95)
+    assert adds(engine, before, before, after, 15.0)
+    # As a third, what has a value of its own in each recording fits anything.
+    three = [
+        SimpleNamespace(nuisance=False, effect=SimpleNamespace(id=i)) for i in "ab"
+    ]
+    two = SimpleNamespace(**vars(before) | {"guess": SimpleNamespace(pieces=three)})
+    assert not adds(engine, before, two, after, 15.0)
+
+
 def test_a_later_effect_is_not_what_the_grid_misses(monkeypatch):
     engine, fits = SimpleNamespace(body=False), SimpleNamespace
     before, little, much = fits(chi2=9000.0), fits(chi2=8900.0), fits(chi2=8000.0)

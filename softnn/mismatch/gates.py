@@ -19,6 +19,7 @@ from softnn.mismatch.contest import (
     without_form,
 )
 from softnn.mismatch.forms import finer, remembered, unforgotten
+from softnn.mismatch.verify import heldout, ratio_interval
 
 CLEAR = 1.5  # times the threshold of noise, which a later effect must gain
 PLAINLY = 4.0  # the same where as little is left as noise leaves
@@ -48,6 +49,8 @@ SLIGHT = 0.1  # of the largest error, up to which one counts for nothing beside 
 VAGUE = (0.1, 0.6)  # of the first's gain, and of that of the best of a third rival
 FEW = 20.0  # thresholds, up to which several that gain nearly the same are none
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
+WORTH = 0.9  # the same where recordings left out are foretold better by it
+SEVERAL = 4  # recordings, from which that can be told
 DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
 KNOWN = 0.01  # excess to which the level of noise is known
 
@@ -113,6 +116,19 @@ def admitted(
     return []
 
 
+def foretold(engine: Engine, before: Fit, after: Fit) -> bool:
+    """Whether a later effect foretells recordings left out better, for certain.
+
+    Where no account is near the noise, noise is no measure of what an effect gains.
+    """
+    if after.chi2 > WORTH * before.chi2 or len(engine.chunks) < SEVERAL:
+        return False
+    rng = np.random.default_rng(0)
+    old, _ = heldout(engine, before)
+    new, _ = heldout(engine, after)
+    return ratio_interval(old, new, rng)[2] < 1
+
+
 def of_grid(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
     """Whether the little that a later effect gains is what the base's grid misses."""
     if engine.body or before.chi2 - after.chi2 > FEW * threshold:
@@ -140,7 +156,8 @@ def adds(
     ]
     if engine.body:
         loose = len(earlier) > 1 and any(p.effect.per_recording for p in new)
-        return bool(not loose and after.chi2 - n < LEFT * (before.chi2 - n))
+        much = not loose and after.chi2 - n < LEFT * (before.chi2 - n)
+        return bool(much or foretold(engine, before, after))
     # A form that is wrong by much is not the form of what is there.
     first = max(base.chi2 - before.chi2, 1.0)
     # What one is mistaken for, at an end of what it can be, is a form of that one.
