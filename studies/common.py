@@ -18,8 +18,11 @@ import json
 import math
 import os
 import platform
+import signal
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -65,9 +68,10 @@ def parser(name: str, doc: str | None) -> Parser:
 
 
 def guarded(work: Callable[[], None]) -> int:
-    """The exit code of `work`: 0, 2 for unusable input, 130 for ctrl-C."""
+    """The exit code of `work`: 0, 2 for unusable input, 130 for ctrl-C or `kill`."""
     try:
-        work()
+        with killed_as_by_ctrl_c():
+            work()
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -75,6 +79,19 @@ def guarded(work: Callable[[], None]) -> int:
         print("\nstopped; what is finished is kept", file=sys.stderr)
         return 130
     return 0
+
+
+@contextmanager
+def killed_as_by_ctrl_c() -> Iterator[None]:
+    """So that a command which a study has started ends with it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def results_folder(smoke: bool = False) -> Path:

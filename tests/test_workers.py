@@ -19,6 +19,15 @@ if __name__ == "__main__":
 """
 
 
+STUDY = """
+import subprocess, sys
+from studies.common import guarded
+
+CHILD = "import os, time; print(os.getpid(), flush=True); time.sleep(120)"
+sys.exit(guarded(lambda: subprocess.run([sys.executable, "-c", CHILD])))
+"""
+
+
 def running(pid):
     try:
         os.kill(pid, 0)
@@ -48,3 +57,22 @@ def test_no_worker_outlives_a_parent_that_is_killed(tmp_path, how):
     if left:
         os.kill(worker, signal.SIGKILL)
     assert not left
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc"), reason="asks /proc who is running")
+def test_a_command_that_a_study_runs_ends_with_it(tmp_path):
+    with subprocess.Popen(
+        [sys.executable, "-c", STUDY],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as study:
+        command = int(study.stdout.readline())
+        assert running(command)
+        study.send_signal(signal.SIGTERM)
+        said = study.communicate(timeout=20)[1]
+        left = running(command)
+    if left:
+        os.kill(command, signal.SIGKILL)
+    assert (study.returncode, left) == (130, False)
+    assert said.strip() == "stopped; what is finished is kept"
