@@ -1300,42 +1300,53 @@ def test_the_first_five_are_tried_against_what_they_leave(monkeypatch, which, ta
 
 
 @pytest.mark.parametrize(
-    ("errors", "left", "told"),
+    ("errors", "told"),
     [
-        ([0.8, 0.8, 0.8, 0.8], 80.0, True),
-        ([0.2, 0.8, 0.9, 0.7], 89.0, True),
-        ([0.2, 0.8, 0.9, 0.7], 91.0, False),  # next to nothing is gained
-        ([0.2, 0.8, 3.0, 0.7], 80.0, False),  # one recording speaks against it
-        ([0.8, 0.8, 0.8], 80.0, False),  # too few to tell
+        ([0.8, 0.8, 0.8, 0.8], True),
+        ([0.2, 0.8, 0.9, 0.7], True),
+        ([0.2, 0.8, 3.0, 0.7], False),  # one recording speaks against it
+        ([0.8, 0.8, 0.8], False),  # too few to tell
     ],
 )
-def test_where_noise_is_no_measure_recordings_left_out_are(
-    monkeypatch, errors, left, told
+def test_recordings_left_out_say_whether_an_effect_is_there(monkeypatch, errors, told):
+    engine = SimpleNamespace(chunks=[None] * len(errors))
+    missed = {"before": np.ones(len(errors)), "after": np.array(errors)}
+    monkeypatch.setattr(gates, "heldout", lambda e, fit: (missed[fit], None))
+    assert gates.foretold(engine, "before", "after") == told
+
+
+def far(left, *pieces):
+    """A fit far from the noise: `left` of 100 to explain; (name, values of its own)."""
+    laws = [SimpleNamespace(id=name, per_recording=own) for name, own in pieces]
+    pieces = [SimpleNamespace(nuisance=False, effect=law) for law in laws]
+    guess = SimpleNamespace(pieces=pieces)
+    return SimpleNamespace(chi2=left, residual=[0.0], guess=guess)
+
+
+@pytest.mark.parametrize(
+    ("earlier", "own", "left", "foretold", "taken"),
+    [
+        ("a", (), 60.0, False, True),  # so much that there is no need to ask
+        ("a", (), 70.0, True, True),
+        ("a", (), 70.0, False, False),
+        ("a", (), 80.0, True, False),  # too little
+        ("a", ("gap",), 60.0, False, True),
+        ("a", ("gap",), 70.0, True, False),  # it follows each recording anyway
+        ("ab", (), 60.0, False, True),
+        ("ab", (), 70.0, True, False),
+        ("ab", ("gap",), 60.0, True, True),
+        ("ab", ("gap",), 60.0, False, False),
+        ("ab", ("gap",), 70.0, True, False),
+    ],
+)
+def test_where_noise_is_no_measure_a_later_effect_foretells(
+    monkeypatch, earlier, own, left, foretold, taken
 ):
-    engine = SimpleNamespace(body=True, chunks=[None] * len(errors), target=[0.0])
-    piece = SimpleNamespace(
-        nuisance=False, effect=SimpleNamespace(id="slack", per_recording=("gap",))
-    )
-    guess = SimpleNamespace(pieces=[piece])
-    before = SimpleNamespace(
-        chi2=100.0, residual=[0.0], guess=SimpleNamespace(pieces=[])
-    )
-    after = SimpleNamespace(chi2=left, residual=[0.0], guess=guess)
-    missed = {100.0: np.ones(len(errors)), left: np.array(errors)}
-    monkeypatch.setattr(gates, "heldout", lambda e, fit: (missed[fit.chi2], None))
-    assert gates.foretold(engine, before, after) == told
-    assert adds(engine, before, before, after, 15.0) == told
-    # Or it takes up so much that there is no need to ask.
-    monkeypatch.setattr(gates, "foretold", lambda *a: False)
-    assert not adds(engine, before, before, after, 15.0)
-    monkeypatch.setattr(gates, "LEFT", 0.95)
-    assert adds(engine, before, before, after, 15.0)
-    # As a third, what has a value of its own in each recording fits anything.
-    three = [
-        SimpleNamespace(nuisance=False, effect=SimpleNamespace(id=i)) for i in "ab"
-    ]
-    two = SimpleNamespace(**vars(before) | {"guess": SimpleNamespace(pieces=three)})
-    assert not adds(engine, before, two, after, 15.0)
+    there = [(name, ()) for name in earlier]
+    before, after = far(100.0, *there), far(left, *there, ("new", own))
+    monkeypatch.setattr(gates, "foretold", lambda *a: foretold)
+    engine = SimpleNamespace(body=True)
+    assert adds(engine, far(300.0), before, after, 15.0) == taken
 
 
 def test_a_later_effect_is_not_what_the_grid_misses(monkeypatch):

@@ -49,7 +49,7 @@ SLIGHT = 0.1  # of the largest error, up to which one counts for nothing beside 
 VAGUE = (0.1, 0.6)  # of the first's gain, and of that of the best of a third rival
 FEW = 20.0  # thresholds, up to which several that gain nearly the same are none
 LEFT = 0.65  # of the excess, which a later effect must get under where no form is near
-WORTH = 0.9  # the same where recordings left out are foretold better by it
+WORTH = 0.75  # the same for a second where recordings left out are foretold better
 SEVERAL = 4  # recordings, from which that can be told
 DISTORTED = 0.15  # of what effects gained, at most, their distortions may gain on top
 KNOWN = 0.01  # excess to which the level of noise is known
@@ -117,16 +117,15 @@ def admitted(
 
 
 def foretold(engine: Engine, before: Fit, after: Fit) -> bool:
-    """Whether a later effect foretells recordings left out better, for certain.
+    """Whether recordings left out are foretold better with an effect, for certain.
 
     Where no account is near the noise, noise is no measure of what an effect gains.
     """
-    if after.chi2 > WORTH * before.chi2 or len(engine.chunks) < SEVERAL:
+    if len(engine.chunks) < SEVERAL:
         return False
-    rng = np.random.default_rng(0)
     old, _ = heldout(engine, before)
     new, _ = heldout(engine, after)
-    return ratio_interval(old, new, rng)[2] < 1
+    return ratio_interval(old, new, np.random.default_rng(0))[2] < 1
 
 
 def of_grid(engine: Engine, before: Fit, after: Fit, threshold: float) -> bool:
@@ -155,9 +154,12 @@ def adds(
         p for p in after.guess.pieces if not p.nuisance and p.effect.id not in earlier
     ]
     if engine.body:
-        loose = len(earlier) > 1 and any(p.effect.per_recording for p in new)
-        much = not loose and after.chi2 - n < LEFT * (before.chi2 - n)
-        return bool(much or foretold(engine, before, after))
+        own = any(p.effect.per_recording for p in new)
+        much = after.chi2 - n < LEFT * (before.chi2 - n)
+        if len(earlier) > 1 and own:
+            return much and foretold(engine, before, after)
+        some = len(earlier) < 2 and not own and after.chi2 < WORTH * before.chi2
+        return bool(much or (some and foretold(engine, before, after)))
     # A form that is wrong by much is not the form of what is there.
     first = max(base.chi2 - before.chi2, 1.0)
     # What one is mistaken for, at an end of what it can be, is a form of that one.
