@@ -374,7 +374,7 @@ def beaten(wins: Sequence[Mapping[str, Any]], heads: Mapping[str, str]) -> str:
     parts = [
         f"{w['rival']} ({heads.get(w['column'], w['column'])}, "
         f"{w['rival_value']:.3g} against {w['softnn_value']:.3g}"
-        + (", within the intervals)" if w.get("apart") is False else ")")
+        + (", within the intervals)" if w["apart"] is False else ")")
         for w in wins
     ]
     return "Better than softnn: " + "; ".join(parts) + "."

@@ -109,6 +109,8 @@ def rivals_found() -> dict:
         },
         "wins": [
             {"rival": "bic", "column": "right", "rival_value": 1, "softnn_value": 0.75}
+            | {"apart": apart}
+            for apart in (None, False)
         ],
     }
     return {"trials": {"strength-1": trial}}
@@ -191,7 +193,8 @@ def test_the_page_quotes_the_results(tmp_path):
     assert "names 0.66 of what the oracle sees; 0 of 1 effects" in text
     assert "takes 4.0 s (x, 2 cores)" in text
     assert "0.98 when every sample is used, and - with the effects" in text
-    assert "Better than softnn: bic (right and alone, 1 against 0.75)." in text
+    ahead = "bic (right and alone, 1 against 0.75"
+    assert f"Better than softnn: {ahead}); {ahead}, within the intervals)." in text
     assert "| softnn | 75 % (30 to 95) | - | - | - | 1.23 % | - | - |" in cells
     bic = "| bic | 100 % (51 to 100) | - | - | - | 1.23 % | - | 1.00 (0.91 to 1.09) |"
     assert bic in cells
