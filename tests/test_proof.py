@@ -150,6 +150,7 @@ def recordings_found() -> dict:
         "by_fault": {"slack": Rate(9, 10).entry()},
         "found": Rate(9, 10).entry(),
         "with_a_false_name": Rate(0, 10).entry(),
+        "new_without_a_fault": Rate(1, 4).entry(),
         "code": ["0123abcd"],
         "close": 0.05,
         "found_where_close": Rate(8, 8).entry(),
@@ -205,6 +206,7 @@ def test_the_page_quotes_the_results(tmp_path):
         f"| foam b | specimen 4, 5 * | {named} | 3.5 %, missed | {lost} |",
     ]
     assert "| slack | 90 % (60 to 98) | 10 |" in cells
+    assert "| a new name, nothing made | 25 % (5 to 70) | 4 |" in cells
     assert "(hash of softnn's code 0123abcd):" in text
     assert "within 5 % of their range, 100 % (68 to 100) of 8 were found" in text
     lost = [c for c in cells if c.startswith(("| film a", "| tape a"))]

@@ -6,7 +6,7 @@ faulty strain, must give the faulty stress.
 
 import json
 import os
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -96,6 +96,21 @@ def test_faults_sit_in_their_share_and_the_original_stays():
     assert all(r.stress_MPa[0] == 0 for r in case.recordings)
 
 
+def test_the_control_lacks_one_recording_and_has_no_fault():
+    recordings = tuple(replace(triangle(), name=f"r{i}") for i in range(3))
+    case = Case("c", recordings, specimen={r.name: r.name for r in recordings})
+    made = faults.one_less(case, np.random.default_rng(0))
+    assert len(made.recordings) == 2
+    assert all(r in recordings for r in made.recordings)
+    assert sorted(made.specimen) == [r.name for r in made.recordings]
+    group = groups.Group("s", "g", recordings, True, sets.Material(), ())
+    tasks = trial.broken(group, "hooke", 100, 0, 1.0, ["lag", "gain"])
+    # Scales of specimens hide a gain.
+    assert [t.fault for t in tasks] == ["", faults.CONTROL, "lag"]
+    pair = replace(group, recordings=recordings[:2])
+    assert [t.fault for t in trial.broken(pair, "hooke", 100, 0, 1.0, [])] == [""]
+
+
 def test_faults_are_scored_on_top_of_what_is_there():
     rows = [
         Row("s", "g", "fault", "b", selected=["mullins_softening"],
@@ -109,11 +124,17 @@ def test_faults_are_scored_on_top_of_what_is_there():
             verdict="unexplained"),
         Row("s", "h", "fault", "b", fault="lag", expected="sensor_lag",
             selected=["sensor_lag"]),
+        Row("s", "g", "fault", "b", fault=faults.CONTROL,
+            selected=["mullins_softening", "slack"]),
+        Row("s", "h", "fault", "b", fault=faults.CONTROL, verdict="unexplained"),
     ]  # fmt: skip
     scores = fault_scores(rows)
     assert scores["found"]["of"] == 3  # a lag that was there before proves nothing
     assert scores["found"]["rate"] == pytest.approx(1 / 3)
     assert scores["with_a_false_name"]["rate"] == pytest.approx(1 / 3)
+    # Slack comes although nothing was made; a name that goes is no new one.
+    assert scores["new_without_a_fault"]["rate"] == 0.5
+    assert scores["new_without_a_fault"]["of"] == 2
     # Of the second original alone is little left.
     assert scores["found_where_close"]["of"] == 1
     assert scores["found_where_close"]["rate"] == 0
@@ -269,9 +290,9 @@ def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     assert split["unseen"]["ratio"] < 0.2
     rows = (tmp_path / "mlruns/smoke/recordings/rows.jsonl").read_text().splitlines()
     # A copy without a fault is the group as it is.
-    assert len(rows) == 4
+    assert len(rows) == 5
     assert len(found["faults"]["originals"]) == len(found["faults"]["copies"]) == 1
-    assert "4 diagnoses, 0 of them at hand" in capsys.readouterr().out
+    assert "5 diagnoses, 0 of them at hand" in capsys.readouterr().out
 
 
 def test_other_bases_and_faults_stay_with_the_code_they_ran_on(tmp_path):

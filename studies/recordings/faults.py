@@ -3,7 +3,8 @@
 The specimen goes through what it went through; what changes is what the machine says
 about it. So a gap is strain that the machine counts before the specimen is taut, and a
 slip is strain that it counts and the specimen does not see. Sizes are in the middle of
-what concealed cases of strength 1 have.
+what concealed cases of strength 1 have. How often a name comes with nothing made
+is seen in a copy that lacks one recording.
 """
 
 from __future__ import annotations
@@ -119,6 +120,19 @@ FAULTS = {
     "gain": Fault("gain_error", gain, 0.34, "10.5 %", own_scale=True),
     "slip": Fault("grip_slip", slip, 0.34, "10 % of the largest strain"),
 }
+
+
+CONTROL = "one recording less"
+
+
+def one_less(case: Case, rng: np.random.Generator) -> Case:
+    """The case without one of its recordings, drawn."""
+    out = int(rng.integers(len(case.recordings)))
+    left = tuple(r for i, r in enumerate(case.recordings) if i != out)
+    specimen = {
+        k: v for k, v in case.specimen.items() if any(k == r.name for r in left)
+    }
+    return Case(case.name, left, specimen=specimen)
 
 
 def faulty(case: Case, fault: Fault, size: float, rng: np.random.Generator) -> Case:

@@ -23,6 +23,7 @@ from studies.common import (
     save_figure,
     write_result,
 )
+from studies.recordings.faults import CONTROL
 from studies.recordings.groups import Group
 from studies.recordings.sets import Material
 
@@ -138,10 +139,19 @@ def met(row: Row, material: Material) -> bool | None:
 
 
 def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
-    """Faults found on top of what is named in the copy without one."""
-    originals = {(r.set, r.group): r for r in rows if not r.expected}
+    """Faults found on top of what is named in the copy without one.
+
+    How often a name is new where there is no fault is told by copies that lack a
+    recording.
+    """
+    originals = {(r.set, r.group): r for r in rows if not r.fault}
     plain = {key: set(r.selected) for key, r in originals.items()}
     told: list[dict[str, Any]] = []
+    control = [
+        set(r.selected) - plain[r.set, r.group]
+        for r in rows
+        if r.fault == CONTROL and (r.set, r.group) in plain and not r.error
+    ]
     for r in rows:
         base = plain.get((r.set, r.group))
         if not r.expected or base is None or r.error:
@@ -178,6 +188,7 @@ def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
         "with_a_false_name": wilson(
             sum(bool(t["false"]) for t in counted), len(counted)
         ),
+        "new_without_a_fault": wilson(sum(map(bool, control)), len(control)),
         "by_fault": by,
         "copies": told,
         "originals": {" ".join(k): sorted(v) for k, v in plain.items()},
@@ -318,6 +329,7 @@ def tables(
                         *faults["by_fault"].items(),
                         ("all", faults["found"]),
                         ("a false name", faults["with_a_false_name"]),
+                        (f"a new name, {CONTROL}", faults["new_without_a_fault"]),
                     ]
                 ],
             )

@@ -26,7 +26,7 @@ from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
 from softnn.workers import workers
 from studies.common import RUNS, fingerprint, guarded, parser
-from studies.recordings.faults import FAULTS, faulty
+from studies.recordings.faults import CONTROL, FAULTS, faulty, one_less
 from studies.recordings.groups import (
     Group,
     discover,
@@ -147,10 +147,12 @@ def broken(
     size: float,
     names: Sequence[str],
 ) -> list[Task]:
-    """Diagnoses of faulty copies, and of the copy without a fault."""
+    """Diagnoses of faulty copies, and of copies without a fault."""
     names = [n for n in names if not (group.specimens and FAULTS[n].own_scale)]
     if len(group.recordings) < 2:  # nothing to be out of line with
         names = [n for n in names if FAULTS[n].share == 1.0]
+    if len(group.recordings) > 2:
+        names = [CONTROL, *names]
     return [
         Task(group, "fault", base, samples, seed, fault=name, size=size)
         for name in ("", *names)
@@ -253,10 +255,13 @@ def monotonic(task: Task) -> Row:
 
 def fault(task: Task) -> Row:
     case = usable(task.group.case(), task.samples)
-    if task.fault:
-        case = faulty(case, FAULTS[task.fault], task.size, rng_of(task))
+    made = FAULTS.get(task.fault)
+    if made:
+        case = faulty(case, made, task.size, rng_of(task))
+    elif task.fault == CONTROL:
+        case = one_less(case, rng_of(task))
     row = new_row(task, diagnose(case, task.base, task.seed))
-    row.expected = FAULTS[task.fault].effect if task.fault else ""
+    row.expected = made.effect if made else ""
     return row
 
 
