@@ -185,6 +185,24 @@ def test_groups_come_from_names_and_monotonic_pulls_at_one_rate_are_left_out():
     assert [g.name for g in found] == ["c"]  # two rates tell something
 
 
+def test_one_bad_file_does_not_cost_the_set(tmp_path):
+    folder = tmp_path / "soft"
+    folder.mkdir()
+    for name, second in (("good", "0.1,0.1,0.2"), ("bad", "-1,0.1,0.2")):
+        rows = ["time_s,strain,stress_MPa", "0,0,0", second, "0.2,0,0"]
+        (folder / f"{name}.csv").write_text("\n".join(rows) + "\n")
+    (folder / "index.csv").write_text("file,test\nbad.csv,cyclic\ngood.csv,cyclic\n")
+    (found,), left_out = groups.discover(tmp_path)
+    assert [r.name for r in found.recordings] == ["good"]
+    assert list(left_out) == ["soft/bad.csv"]
+    assert left_out["soft/bad.csv"].startswith("soft/bad.csv, row 3, column 'time_s'")
+    (folder / "good.csv").unlink()
+    none, left_out = groups.discover(tmp_path)
+    assert none == []
+    assert list(left_out) == ["soft"]
+    assert left_out["soft"].startswith("soft/bad.csv, row 3")
+
+
 def test_first_loading_ends_at_the_first_turn():
     recording = triangle(rate=0.1, side=-1.0)
     assert groups.first_turn(recording) == 101
@@ -271,7 +289,7 @@ def test_a_device_is_read_as_stress_over_strain_about_its_middle(tmp_path):
     (tmp_path / "index.csv").write_text(
         "file,material,test,specimen\na.csv,seal,cyclic,1\n"
     )
-    (read,) = sets.read_device(tmp_path)
+    (read,) = sets.read_device(tmp_path, {})
     assert np.abs(read.stress_MPa[1:-1]).max() == pytest.approx(0.08)
     assert read.strain.max() == pytest.approx(0.2, rel=1e-3)
 
@@ -346,7 +364,7 @@ def test_refusals_are_one_line(options, said, tmp_path, monkeypatch, capsys):
 def test_every_set_in_the_folder_is_divided_or_left_out_with_a_reason():
     found, left_out = groups.discover(data_folder())
     folders = {p.parent.name for p in data_folder().glob("*/index.csv")}
-    assert {g.set for g in found} | set(left_out) == folders
+    assert {g.set for g in found} | {k.split("/")[0] for k in left_out} == folders
     assert all(left_out.values())
     for group in found:
         for split in group.splits:

@@ -56,10 +56,13 @@ def read_set(name: str) -> list[Recording]:
     return read_folder(root / name)
 
 
-def read_folder(folder: str | Path) -> list[Recording]:
+def read_folder(
+    folder: str | Path, unusable: dict[str, str] | None = None
+) -> list[Recording]:
     """Recordings of a folder: as its `index.csv` lists them, else every CSV, by name.
 
-    Raises `InputError` for the first file that cannot be read.
+    Raises `InputError` for the first file that cannot be read; where `unusable` is
+    given such files are passed over, and it says why, by name in the folder.
     """
     folder = Path(folder)
     index = folder / "index.csv"
@@ -86,15 +89,21 @@ def read_folder(folder: str | Path) -> list[Recording]:
                 column="file",
             )
         rate = _rate(row.get("rate_per_s", ""), index, line)
-        recording = read_tidy(
-            file,
-            specimen=row.get("specimen", ""),
-            material=row.get("material", ""),
-            test=row.get("test", ""),
-            rate_per_s=rate,
-        )
+        try:
+            recording = read_tidy(
+                file,
+                specimen=row.get("specimen", ""),
+                material=row.get("material", ""),
+                test=row.get("test", ""),
+                rate_per_s=rate,
+            )
+        except InputError as error:
+            if unusable is None:
+                raise
+            unusable[row["file"]] = str(error)
+            continue
         recordings.append(recording)
-    if not recordings:
+    if not recordings and not unusable:
         raise InputError("no rows; it lists no recording", file=index)
     return recordings
 

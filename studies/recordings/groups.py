@@ -55,7 +55,7 @@ class Group:
 def discover(
     data: Path, wanted: Sequence[str] = ()
 ) -> tuple[list[Group], dict[str, str]]:
-    """Groups of every set in the folder; and why other sets are left out."""
+    """Groups of every set in the folder; and why other sets and files are left out."""
     folders = {p.parent.name: p.parent for p in sorted(data.glob("*/index.csv"))}
     unknown = set(wanted) - set(folders)
     if unknown:
@@ -67,16 +67,26 @@ def discover(
         if wanted and name not in wanted:
             continue
         about = SETS.get(name, About())
+        unusable: dict[str, str] = {}
         try:
-            recordings = about.read(folder)
+            recordings = about.read(folder, unusable)
         except InputError as error:
-            left_out[name] = str(error).replace(str(data), "").lstrip("/")
+            left_out[name] = shorter(error, data)
             continue
         found = divide(name, about, recordings)
-        if not found:
+        if found:
+            for file, why in unusable.items():
+                left_out[f"{name}/{file}"] = shorter(why, data)
+        elif recordings:
             left_out[name] = "no cycles, no holds and no second rate"
+        else:
+            left_out[name] = shorter(next(iter(unusable.values())), data)
         groups += found
     return groups, left_out
+
+
+def shorter(why: object, data: Path) -> str:
+    return str(why).replace(str(data), "").lstrip("/")
 
 
 def divide(name: str, about: About, recordings: Sequence[Recording]) -> list[Group]:

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from softnn.contracts import InputError
 from softnn.readers.tidy import read_folder
 from softnn.recording import Recording
 
@@ -63,7 +62,8 @@ class About:
     hold: tuple[str, ...] = ("specimen",)
     specimens: bool = True  # each recording is a specimen of its own, with its scale
     tests: tuple[str, ...] = ("cyclic", "relaxation")
-    read: Callable[[Path], list[Recording]] = read_folder
+    # The folder, and a place for why a file of it cannot be used.
+    read: Callable[[Path, dict[str, str]], list[Recording]] = read_folder
     kinds: tuple[tuple[str, Material], ...] = ()  # pattern in the group -> material
 
     def material(self, group: str) -> Material:
@@ -73,7 +73,7 @@ class About:
         return Material()
 
 
-def read_device(folder: Path) -> list[Recording]:
+def read_device(folder: Path, unusable: dict[str, str]) -> list[Recording]:
     """Force over displacement of a device, as stress over strain.
 
     Counted on 100 mm and 100 mm2, which only sets the units. What pushes steadily (air
@@ -85,9 +85,8 @@ def read_device(folder: Path) -> list[Recording]:
         table = pd.read_csv(folder / str(row.file))
         missing = {"time_s", "elongation_mm", "force_N"} - set(table.columns)
         if missing:
-            raise InputError(
-                f"no column {sorted(missing)}", file=folder / str(row.file)
-            )
+            unusable[str(row.file)] = f"{row.file}: no column {sorted(missing)}"
+            continue
         x = table["elongation_mm"].to_numpy(float)
         force = table["force_N"].to_numpy(float)
         speed = np.gradient(x)
