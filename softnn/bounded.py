@@ -1,4 +1,4 @@
-"""Least squares with bounds, on normal equations: small, exact, compiled."""
+"""The compiled parts of least squares: bounds on normal equations, whitened rows."""
 
 from __future__ import annotations
 
@@ -75,3 +75,16 @@ def bounded(gram, right, low, high, start):
         banned = pick if before == x[pick] else -1
         banned = pick
     return x
+
+
+@numba.njit(cache=True)
+def whitened(x, scale, before):
+    """Rows (n, k) times scale (n,), less `before` (n - 1,) times the row before."""
+    n, k = x.shape
+    out = np.empty((n, k))
+    for i in range(n):
+        for j in range(k):
+            out[i, j] = x[i, j] * scale[i]
+            if i > 0:
+                out[i, j] -= before[i - 1] * x[i - 1, j]
+    return out

@@ -211,6 +211,8 @@ class Effect(ABC):
     contains: tuple[str, ...] = ()  # ids of simpler laws that this one can become
     shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
     needs_temperature: bool = False
+    # Whether the stress of a moment changes what comes out at that moment alone.
+    pointwise: bool = True
     on_return: bool = False  # whether only strain that comes back can show it
     # What other forms of it may depend on, besides its parameters: see `forms`.
     bends: tuple[str, ...] = ("strain", "largest", "size", "lag")

@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from softnn.bounded import bounded
+from softnn.bounded import bounded, whitened
 from softnn.contracts import Array, Chunk, Effect, Scales, Signal
 from softnn.models.units import Units
 from softnn.simulate import Memory, Term, measured, reach, run_on
@@ -196,6 +197,7 @@ class Engine:
             np.arange(len(data.chunks)), [len(s) for s in data.stress_MPa]
         )
         self.owner = self.recording[self.valid]
+        self.complete = bool(self.valid.all())
         self.target = self.measured[self.valid]
         self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
         self.fine: Engine | None = None  # the same recordings with all their samples
@@ -222,7 +224,9 @@ class Engine:
         own = np.maximum(np.asarray(tau, float)[self.owner], 1e-12)
         phi = np.where(first, 0.0, np.exp(-np.maximum(step, 1e-12) / own))
         self.phi = np.minimum(phi, 0.995)
-        self.scale = 1 / (self.sigma * np.sqrt(1 - self.phi**2))
+        norm = np.sqrt(1 - self.phi**2)
+        self.scale = 1 / (self.sigma * norm)
+        self._before = self.phi[1:] / (self.sigma[:-1] * norm[1:])
 
     @contextmanager
     def blind(self, columns: Array) -> Iterator[None]:
@@ -259,15 +263,11 @@ class Engine:
         return out
 
     def _whiten(self, x: Array) -> Array:
-        x = x / (self.sigma if x.ndim == 1 else self.sigma[:, None])
-        norm = np.sqrt(1 - self.phi**2)
-        out = x.copy()
         if x.ndim == 1:
-            out[1:] -= self.phi[1:] * x[:-1]
-            return out / norm
-        out[1:] -= self.phi[1:, None] * x[:-1]
-        out /= norm[:, None]
-        return out
+            out = x * self.scale
+            out[1:] -= self._before * x[:-1]
+            return out
+        return whitened(x, self.scale, self._before)
 
     def columns(self, units: Units, r: int, chunk: Chunk, state: Any) -> Any:
         """Unit columns of recording r; kept when the strain is the commanded one."""
@@ -275,18 +275,26 @@ class Engine:
         key = (units, r)
         if plain and key in self._cache:
             return self._cache[key]
-        dkey = (units.relaxation_times, r)
         last, inner = (None, None) if state is None else state
-        if dkey not in self._cache:
-            if len(self._cache) > 400:
-                self._cache.clear()
-            self._cache[dkey] = units.decays(chunk.time_s, last)
+        decays = self.decays(units, r, chunk.time_s, last)
         seen = chunk.strain if chunk.branch_strain is None else chunk.branch_strain
-        branch, inner = units.branches(self._cache[dkey], seen, inner)
+        branch, inner = units.branches(decays, seen, inner)
         out = (units.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner))
         if plain:
             self._cache[key] = out
         return out
+
+    def decays(
+        self, units: Units, r: int, time_s: Array, last: float | None = None
+    ) -> tuple[Array, Array]:
+        """Decay and gain of the branches in recording r; kept."""
+        key = (units.relaxation_times, r)
+        if key not in self._cache:
+            if len(self._cache) > 400:
+                self._cache.clear()
+            self._cache[key] = units.decays(time_s, last)
+        found: tuple[Array, Array] = self._cache[key]
+        return found
 
     def inputs(self, units: Units, terms: Sequence[Term], every: Any) -> list[Input]:
         """What reaches the model in each recording, and its unit columns there.
@@ -324,54 +332,114 @@ class Engine:
     def run(self, guess: Guess, columns: bool) -> tuple[Array, Array | None]:
         """Stress (valid,) of a guess and, if asked, its derivative by each stiffness.
 
-        The derivative is a difference over a small step, pushed through the effects
-        all columns at once; for effects that are linear in stress it is exact.
+        The derivative is a difference over a small step, pushed through the effects;
+        for effects that are linear in stress it is exact. Where they take each moment
+        by itself one step of either part serves all its columns, else each has its own.
         """
         terms = guess.terms()
         x, segments = guess.stiffness, guess.units.segments
-        after = any(type(t.effect).after is not Effect.after for t in terms)
+        plain = all(type(t.effect).after is Effect.after for t in terms)
         # A solver within bounds asks far too often to be checked each time.
         every = [t.each(len(self.chunks)) for t in terms]
-        stress, slope = [], []
+        stress = np.empty(len(self.measured))
+        slope = np.empty((len(stress), len(x))) if columns else None
         memory: Memory = {}
         inputs = self.inputs(guess.units, terms, every)
+        starts = self.data.starts
         for r, (signal, springs, branch) in enumerate(inputs):
             if not self.data.continued:
                 memory = {}
-            values = [own[r] for own in every]
+            rows = slice(starts[r], starts[r + 1])
             eq = springs @ x[:segments]
             if self.remainder is not None:
                 eq = eq + self.remainder[r]
             br = branch @ x[segments:]
-            if not after:
-                stress.append(eq + br)
-                if columns:
-                    slope.append(np.concatenate([springs, branch], axis=1))
-                continue
-            if not columns:
-                out = self._through(
-                    terms, values, signal, eq[:, None], br[:, None], memory
+            values = [own[r] for own in every]
+            if slope is None or plain:
+                stress[rows] = (
+                    eq + br
+                    if plain
+                    else self._through(
+                        terms, values, signal, eq[:, None], br[:, None], memory
+                    )[:, 0]
                 )
-                stress.append(out[:, 0])
+                if slope is not None:
+                    slope[rows, :segments], slope[rows, segments:] = springs, branch
                 continue
-            size = max(float(np.abs(eq + br).max()), self.level)
-            height = np.maximum(np.abs(springs).max(axis=0), 1e-30)
-            h = np.concatenate(
-                [
-                    1e-4 * size / height,
-                    1e-4 * size / np.maximum(np.abs(branch).max(axis=0), 1e-30),
-                ]
-            )
-            k = len(h)
-            e = np.repeat(eq[:, None], k + 1, axis=1)
-            b = np.repeat(br[:, None], k + 1, axis=1)
-            e[:, 1 : 1 + segments] += springs * h[:segments]
-            b[:, 1 + segments :] += branch * h[segments:]
-            out = self._through(terms, values, signal, e, b, memory)
-            stress.append(out[:, 0])
-            slope.append((out[:, 1:] - out[:, :1]) / h)
-        flat = np.concatenate(stress)[self.valid]
-        return flat, np.concatenate(slope)[self.valid] if columns else None
+            step = 1e-4 * max(float(np.abs(eq + br).max()), self.level)
+            if all(t.effect.pointwise for t in terms):
+                e = np.stack([eq, eq + step, eq], axis=1)
+                b = np.stack([br, br, br + step], axis=1)
+                out = self._through(terms, values, signal, e, b, memory)
+                by = (out[:, 1:] - out[:, :1]) / step
+                np.multiply(springs, by[:, :1], out=slope[rows, :segments])
+                np.multiply(branch, by[:, 1:], out=slope[rows, segments:])
+            else:
+                both = (springs, branch)
+                highest = np.concatenate([np.abs(c).max(axis=0) for c in both])
+                h = step / np.maximum(highest, 1e-30)
+                e = np.repeat(eq[:, None], len(h) + 1, axis=1)
+                b = np.repeat(br[:, None], len(h) + 1, axis=1)
+                e[:, 1 : 1 + segments] += springs * h[:segments]
+                b[:, 1 + segments :] += branch * h[segments:]
+                out = self._through(terms, values, signal, e, b, memory)
+                slope[rows] = (out[:, 1:] - out[:, :1]) / h
+            stress[rows] = out[:, 0]
+        return self._seen(stress), None if slope is None else self._seen(slope)
+
+    def within(self, recordings: Sequence[int]) -> NDArray[np.bool]:
+        """Which valid samples are of these recordings."""
+        mine = np.zeros(len(self.chunks), bool)
+        mine[list(recordings)] = True
+        return mine[self.owner]
+
+    def _seen(self, whole: Array) -> Array:
+        return whole if self.complete else whole[self.valid]
+
+    def beside(
+        self, guess: Guess, moves: Sequence[Sequence[tuple[Slot, float]]]
+    ) -> Array:
+        """Change of stress (valid, moves) as slots of the guess's pieces are moved.
+
+        One pass for all moves; recordings must not go on from one another. The guess
+        goes through it beside them, so that what changes nothing changes by nothing.
+        """
+        sets = len(moves) + 1
+        terms, count = guess.terms(), len(self.chunks)
+        every = [[dict(own) for own in t.each(count)] for t in terms]
+        front, own_copy = False, set()
+        for i, moved in enumerate(moves, start=1):
+            for slot, value in moved:
+                front = front or terms[slot.piece].effect.acts_before
+                of = range(count) if slot.recordings is None else slot.recordings
+                for r in of:
+                    values = every[slot.piece][r]
+                    if (slot.piece, r, slot.name) not in own_copy:
+                        own_copy.add((slot.piece, r, slot.name))
+                        values[slot.name] = np.repeat(values[slot.name], sets)
+                    values[slot.name][i] = value
+        x, segments = guess.stiffness, guess.units.segments
+        inputs = [] if front else self.inputs(guess.units, terms, every)
+        change = []
+        for r, chunk in enumerate(self.chunks):
+            values_ = [own[r] for own in every]
+            if front:
+                signal = reach(terms, values_, chunk, {})
+                eq = guess.units.spring_stress(signal.strain, x[:segments])
+                decays = self.decays(guess.units, r, chunk.time_s)
+                br = guess.units.branch_stress(
+                    decays, signal.branch_strain, x[segments:]
+                )
+            else:
+                signal, springs, branch = inputs[r]
+                eq = (springs @ x[:segments])[:, None]
+                br = (branch @ x[segments:])[:, None]
+            if self.remainder is not None:
+                eq = eq + self.remainder[r][:, None]
+            out = self._through(terms, values_, signal, eq, br, {})
+            out = np.broadcast_to(out, (len(out), sets))
+            change.append(out[:, 1:] - out[:, :1])
+        return self._seen(np.concatenate(change))
 
     @staticmethod
     def _through(
@@ -447,37 +515,51 @@ def derivative(engine: Engine, guess: Guess, where: list[Slot], stress: Array) -
     """Change of stress (valid, slots) with each slot, one-sided into the bounds."""
     out = np.zeros((len(stress), len(where)))
     apart = not engine.data.continued
-    done: set[int] = set()
+    # Recordings do not see each other: all own values move in one pass.
+    groups: dict[Any, list[int]] = {}
     for j, slot in enumerate(where):
-        if j in done:
-            continue
-        # Recordings do not see each other: all own values move in one pass.
-        together = [j]
-        if apart and slot.recordings is not None:
-            together = [
-                k
-                for k, other in enumerate(where)
-                if other.piece == slot.piece and other.name == slot.name
-            ]
-        done.update(together)
-        moved, steps = [], []
+        alone = slot.recordings is None or not apart
+        groups.setdefault(j if alone else (slot.piece, slot.name), []).append(j)
+    moves, steps = [], np.empty(len(where))
+    for together in groups.values():
+        moved = []
         for k in together:
             z = where[k].inside(get(guess, where[k]))
-            step = 1e-3
-            top = where[k].inside(where[k].high)
-            if z + step > top:
-                step = -step
-            moved.append(where[k].outside(z + step))
-            steps.append(step)
-        bumped, _ = engine.run(put(guess, [where[k] for k in together], moved), False)
-        change = bumped - stress
-        for k, step in zip(together, steps, strict=True):
-            group = where[k].recordings
-            own = change / step
-            if group is not None and apart:
-                own = np.where(np.isin(engine.owner, group), own, 0.0)
-            out[:, k] = own
+            up = z + 1e-3 <= where[k].inside(where[k].high)
+            steps[k] = 1e-3 if up else -1e-3
+            moved.append((where[k], where[k].outside(z + steps[k])))
+        moves.append(moved)
+    changes = passes(engine, guess, moves, stress)
+    for together, change in zip(groups.values(), changes, strict=True):
+        for k in together:
+            of = where[k].recordings
+            own = slice(None) if of is None or not apart else engine.within(of)
+            out[own, k] = change[own] / steps[k]
     return out
+
+
+def passes(
+    engine: Engine,
+    guess: Guess,
+    moves: Sequence[Sequence[tuple[Slot, float]]],
+    stress: Array,
+) -> list[Array]:
+    """Change of stress (valid,) with each move, those of one kind made together."""
+    out: list[Array | None] = [None] * len(moves)
+    kinds: dict[bool, list[int]] = {}
+    for i, moved in enumerate(moves):
+        piece = moved[0][0].piece
+        if piece < 0 or engine.data.continued:
+            places, values = zip(*moved, strict=True)
+            out[i] = engine.run(put(guess, places, values), False)[0] - stress
+        else:
+            front = guess.pieces[piece].effect.acts_before
+            kinds.setdefault(front, []).append(i)
+    for mine in kinds.values():
+        made = engine.beside(guess, [moves[i] for i in mine])
+        for i, one in zip(mine, made.T, strict=True):
+            out[i] = one
+    return [one for one in out if one is not None]
 
 
 def fit(

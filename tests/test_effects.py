@@ -4,6 +4,7 @@ An exemption stands on the class (`exempt`), with its reason.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 import softnn.effects
 from softnn.contracts import Chunk, Effect, InputError, Scales
 from softnn.effects import EFFECTS, effect
-from softnn.fit import Data, Engine, Guess, Piece, fit
+from softnn.fit import Data, Engine, Guess, Piece, fit, get, put, slots
 from softnn.mismatch.contest import at_best
 from softnn.mismatch.screen import Screen
 from softnn.mismatch.strangers import STRANGERS
@@ -200,6 +201,61 @@ def test_batch_equals_loop(law):
         np.testing.assert_allclose(
             batch[:, j], stress(law, values, chunk), rtol=1e-10, atol=1e-13
         )
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_pointwise_is_said_where_it_is_so(law):
+    chunk = law.telltale()
+    ready = [law.prepare(planted(law, chunk))]
+    signal = reach([Term(law, {})], ready, chunk, {})
+    springs, branches, _ = UNITS.respond(chunk)
+    eq = np.repeat((springs @ STIFFNESS[:3])[:, None], 2, axis=1)
+    moment = len(eq) // 2
+    eq[moment, 1] += 0.01
+    signal = replace(
+        signal, equilibrium=eq, branches=(branches @ STIFFNESS[3:])[:, None]
+    )
+    out = measured([Term(law, {})], ready, signal, {})
+    elsewhere = np.delete(out[:, 1] - out[:, 0], moment)
+    assert law.pointwise == (not elsewhere.any())
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_moves_made_at_once_equal_one_at_a_time(law):
+    # Behind a gap, so that each move may have a strain of its own.
+    chunk = law.telltale()
+    gap, size = effect("slack"), float(np.abs(chunk.strain).max())
+    values = gap.defaults() | {"gap": np.array([0.02, 0.05]) * size}
+    given = {
+        k: np.full(2, v) if k in law.per_recording else v
+        for k, v in planted(law, chunk).items()
+    }
+    apart = ((0,), (1,))
+    free = tuple(p.name for p in law.parameters)
+    guess = Guess(
+        UNITS,
+        STIFFNESS,
+        (Piece(gap, values, ("gap",), apart), Piece(law, given, free, apart)),
+    )
+    data = Data(("a", "b"), (chunk, chunk), (chunk.strain, chunk.strain))
+    engine = Engine(data)
+    where = slots(guess)
+    moves = [
+        [(s, s.outside(s.inside(get(guess, s)) + d))]
+        for s in where
+        for d in (-2e-2, 1e-3)
+    ]
+    kept = [{k: np.copy(v) for k, v in p.values.items()} for p in guess.pieces]
+    at_once = engine.beside(guess, moves)
+    plain, _ = engine.run(guess, False)
+    for change, ((slot, value),) in zip(at_once.T, moves, strict=True):
+        alone, _ = engine.run(put(guess, [slot], [value]), False)
+        np.testing.assert_allclose(plain + change, alone, rtol=1e-9, atol=1e-12)
+    stay = [[(s, get(guess, s))] for s in where]
+    assert not engine.beside(guess, stay).any()
+    for piece, before in zip(guess.pieces, kept, strict=True):
+        for k, v in before.items():
+            np.testing.assert_array_equal(piece.values[k], v)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=IDS)

@@ -53,6 +53,50 @@ def test_units_are_the_standard_linear_solid():
     )
 
 
+def test_stress_of_the_base_is_its_columns_times_stiffness():
+    strain = np.stack([STRAIN, -1.7 * STRAIN, 0.1 - STRAIN], axis=1)
+    x = RNG.uniform(0.1, 2, 7) * (np.arange(7) != 5)
+    for units in (
+        Units("pl-wiechert", (-0.2, 0.0, 0.1, 0.3, 0.4), (0.1, 3.0, 50.0)),
+        Units("wiechert", (0.0, 1.0), (0.1, 3.0, 50.0)),
+        Units("hooke", (0.0, 1.0)),
+    ):
+        k = x[: units.columns]
+        springs, branches = k[: units.segments], k[units.segments :]
+        decays = units.decays(TIME, None)
+        stress = units.spring_stress(strain, springs)
+        stress += units.branch_stress(decays, strain, branches)
+        for j in range(3):
+            plain, viscous, _ = units.respond(Chunk(TIME, strain[:, j]))
+            expected = plain @ springs + viscous @ branches
+            np.testing.assert_allclose(stress[:, j], expected, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("mullins_softening", {"depth": 0.4}),
+        ("load_cell_saturation", {"limit_MPa": 0.5, "knee": 0.1}),
+        ("sensor_lag", {"time_constant_s": 0.3}),
+    ],
+)
+def test_slope_is_the_derivative_by_each_stiffness(name, values):
+    law = effect(name)
+    units = Units("wiechert", (0.0, 1.0), (0.1, 3.0))
+    x = np.array([1.0, 0.5, 0.3])
+    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (STRAIN,)))
+    pieces = (Piece(law, law.defaults() | values, ()),)
+    stress, slope = engine.run(Guess(units, x, pieces), True)
+    alone, _ = engine.run(Guess(units, x, pieces), False)
+    np.testing.assert_allclose(stress, alone, rtol=1e-12)
+    for j in range(3):
+        step = 1e-5 * (np.arange(3) == j)
+        up, _ = engine.run(Guess(units, x + step, pieces), False)
+        down, _ = engine.run(Guess(units, x - step, pieces), False)
+        by_hand = (up - down) / 2e-5
+        np.testing.assert_allclose(slope[:, j], by_hand, atol=2e-3 * by_hand.max())
+
+
 def test_continued_recordings_are_one_recording_cut_in_two():
     units = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.5, 20.0))
     k = np.array([1.0, 2.0, 0.5, 0.5])

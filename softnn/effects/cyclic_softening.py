@@ -76,7 +76,7 @@ class TravelSoftening(CyclicSoftening):
 
     def count(self, signal, state):
         last, travel, low, high = (0.0, 0.0, 0.0, 0.0) if state is None else state
-        step = np.abs(np.diff(signal.strain, axis=0, prepend=np.zeros((1, 1)) + last))
+        step = np.abs(np.diff(signal.strain, axis=0, prepend=last))
         travel = travel + np.cumsum(step, axis=0)
         low = np.minimum.accumulate(np.minimum(signal.strain, low))
         high = np.maximum.accumulate(np.maximum(signal.strain, high))

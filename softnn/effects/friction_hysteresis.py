@@ -56,7 +56,7 @@ class FrictionHysteresis(Effect):
     def after(self, p, signal, state):
         from softnn.effects._kernels import stops
 
-        last, carried = (np.zeros((1, 1)), None) if state is None else state
+        last, carried = (0.0, None) if state is None else state
         increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
         radius, spread = np.broadcast_arrays(p["presliding"], p["spread"])
         weight = np.exp(-0.5 * (np.log2(RATIOS) / spread[:, None]) ** 2)
@@ -111,7 +111,7 @@ class BoucWen(FrictionHysteresis):
     def after(self, p, signal, state):
         from softnn.effects._kernels import bouc_wen
 
-        last, carried = (np.zeros((1, 1)), 0.0) if state is None else state
+        last, carried = (0.0, 0.0) if state is None else state
         increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
         radius, power = p["presliding"], p["sharpness"]
         sets = max(increment.shape[1], radius.size, power.size)

@@ -62,7 +62,7 @@ class NonlinearViscosity(Effect):
         from softnn.effects._kernels import flow
 
         last_time, last, carried = (
-            (signal.time_s[0], np.zeros((1, 1)), 0.0) if state is None else state
+            (signal.time_s[0], 0.0, 0.0) if state is None else state
         )
         step = np.diff(signal.time_s, prepend=last_time)
         increment = np.diff(signal.branch_strain, axis=0, prepend=last)

@@ -156,7 +156,7 @@ class PlasticElement(PermanentSet):
     def after(self, p, signal, state):
         from softnn.effects._kernels import flow
 
-        last, carried = (np.zeros((1, 1)), 0.0) if state is None else state
+        last, carried = (0.0, 0.0) if state is None else state
         increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
         limit, travel = p["yield_strain"], np.abs(increment)
         sets = max(increment.shape[1], limit.size, p["sharpness"].size)

@@ -43,7 +43,7 @@ class RelaxationBranch(Effect):
         from softnn.effects._kernels import maxwell
 
         last_time, last, carried = (
-            (signal.time_s[0], np.zeros((1, 1)), 0.0) if state is None else state
+            (signal.time_s[0], 0.0, 0.0) if state is None else state
         )
         step = np.diff(signal.time_s, prepend=last_time)
         increment = np.diff(signal.branch_strain, axis=0, prepend=last)

@@ -29,6 +29,7 @@ class SensorLag(Effect):
 
     stage = "sensor"
     ports = ("stress",)
+    pointwise = False
     parameters: tuple[Parameter, ...] = (
         Parameter("time_constant_s", "s", 0.0, LONGEST_S, 0.2, meaning="tau_1"),
         Parameter("second", "-", 0.0, 1.0, 0.0, meaning="tau_2 over tau_1"),

@@ -124,9 +124,7 @@ class Structure(Stranger):
         from softnn.effects._kernels import structure
 
         fresh = state is None
-        last_time, last, carried = (
-            (signal.time_s[0], np.zeros((1, 1)), 1.0) if fresh else state
-        )
+        last_time, last, carried = (signal.time_s[0], 0.0, 1.0) if fresh else state
         step = np.diff(signal.time_s, prepend=last_time)
         travel = np.abs(np.diff(signal.strain, axis=0, prepend=last))
         sets = max(travel.shape[1], *(p[k].size for k in ("rebuild_s", "breaking")))
@@ -191,9 +189,7 @@ class OneWay(Stranger):
         from softnn.effects._kernels import valve
 
         last_time, last, carried = (
-            (signal.time_s[0], np.zeros((1, 1)), np.zeros((1, MODES)))
-            if state is None
-            else state
+            (signal.time_s[0], 0.0, np.zeros((1, MODES))) if state is None else state
         )
         step = np.diff(signal.time_s, prepend=last_time)
         increment = np.diff(signal.branch_strain, axis=0, prepend=last)
@@ -319,9 +315,7 @@ class Ageing(Stranger):
         from softnn.effects._kernels import ageing
 
         last_time, last, carried = (
-            (signal.time_s[0], np.zeros((1, 1)), np.zeros((1, 2)))
-            if state is None
-            else state
+            (signal.time_s[0], 0.0, np.zeros((1, 2))) if state is None else state
         )
         step = np.diff(signal.time_s, prepend=last_time)
         increment = np.diff(signal.strain, axis=0, prepend=last)

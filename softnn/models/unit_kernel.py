@@ -15,3 +15,15 @@ def maxwell(decay, gain, increment, carried, out):
         jump = increment[i]
         for j in range(count):
             out[i, j] = decay[i, j] * out[i - 1, j] + gain[i, j] * jump
+
+
+@numba.njit(cache=True)
+def borne(decay, gain, increment, stiffness, out):
+    """Stress of all branches together, from rest: increment and out are (n, sets)."""
+    n, sets = out.shape
+    for s in range(sets):
+        for j in range(len(stiffness)):
+            q = 0.0
+            for i in range(n):
+                q = decay[i, j] * q + gain[i, j] * increment[i, s]
+                out[i, s] += stiffness[j] * q

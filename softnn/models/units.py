@@ -74,6 +74,34 @@ relaxation_times=(1.0, 2.0, 4.0))
         low, high, start = self._ends
         return np.minimum(np.maximum(strain[:, None], low), high) - start
 
+    def spring_stress(self, strain: Array, stiffness: Array) -> Array:
+        """Stress of the springs at any strain: `springs` times stiffness (segments,).
+
+        >>> base = Units("pl-sls", (0.0, 1.0, 2.0))
+        >>> base.spring_stress(np.array([-1.0, 3.0]), np.array([2.0, 4.0])).tolist()
+        [-2.0, 10.0]
+        """
+        if self.segments == 1:
+            return strain * stiffness[0]
+        knots = np.array(self.knots)
+        # Straight between the knots, and beyond them on the outermost segments.
+        out = np.interp(strain, knots, self.springs(knots) @ stiffness)
+        out += stiffness[0] * np.minimum(strain - knots[0], 0)
+        return out + stiffness[-1] * np.maximum(strain - knots[-1], 0)
+
+    def branch_stress(
+        self, decays: tuple[Array, Array], strain: Array, stiffness: Array
+    ) -> Array:
+        """Stress of all branches (n, sets) for strains (n, sets), from rest."""
+        from softnn.models.unit_kernel import borne
+
+        used = np.flatnonzero(stiffness)
+        decay, gain = (np.ascontiguousarray(d[:, used]) for d in decays)
+        increment = np.diff(strain, axis=0, prepend=0.0)
+        out = np.zeros(strain.shape)
+        borne(decay, gain, np.ascontiguousarray(increment), stiffness[used], out)
+        return out
+
     @cached_property
     def _ends(self) -> tuple[Array, Array, Array]:
         """Ends of the segments, and of each the strain at which it takes none."""
