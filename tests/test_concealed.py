@@ -25,6 +25,7 @@ from studies.concealed import (
     scoring,
     sealing,
     sensor,
+    settings,
     trial,
 )
 from studies.concealed import unlisted as unlisted_things
@@ -943,6 +944,18 @@ def test_concealed_is_what_the_base_alone_hides():
     assert (single["right"]["right"], single["right"]["of"]) == (1, 4)
     assert single["right"]["high"] == pytest.approx(scoring.wilson(1, 4)[1])
     assert found["groups"]["null"]["accepted"]["rate"] == 1
+
+
+def test_a_case_is_made_at_any_level_of_noise():
+    # No bent spring is good enough beside noise as small as that.
+    springs: dict[float, list[str]] = {1e-6: [], 0.01: []}
+    for level, names in springs.items():
+        for number in range(12):
+            one = replace(order("single", ("slack",), number), level=level)
+            rng = np.random.default_rng([one.seed, one.number])
+            names.append(settings.draw_setting(rng, one).base.name)
+    assert set(springs[1e-6]) == {"linear"}
+    assert set(springs[0.01]) > {"linear"}
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.1, 1.0])
