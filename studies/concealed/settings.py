@@ -23,7 +23,7 @@ from studies.concealed.programmes import (
     sample,
 )
 
-BENT_TRIES = 20  # after which a case of next to no noise gets a straight spring
+BENT_TRIES = 8  # after which a case of next to no noise gets a straight spring
 
 
 @dataclass(frozen=True)
