@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from softnn.models.units import BASES
 from studies.common import (
     COLOURS,
     FAINT,
@@ -391,7 +392,7 @@ def bases(found: Mapping[str, Mapping[str, Any]]) -> str:
             *(None if one[k] is None else percent(one[k]) for k in keys),
             ", ".join(one["code"]),
         ]
-        for name, one in found.items()
+        for name, one in sorted(found.items(), key=lambda kv: BASES.index(kv[0]))
     ]
     heads = ["base", "as the literature", "bars met", "base alone", "corrected"]
     return markdown([*heads, "hash of softnn's code"], rows)

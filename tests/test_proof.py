@@ -256,3 +256,15 @@ def test_kinds_that_a_law_was_written_for_are_counted_apart():
 
 def share_in(text: str) -> list[str]:
     return re.findall(r"\d+ % \([^)]*\) of \d+", text)
+
+
+def test_bases_stand_in_one_order_whichever_ran_last():
+    one = {"groups_in_agreement": 1, "groups_judged": 2, "bars_met": 0, "bars": 0}
+    one |= {f"unseen_nrmse_{k}_median": None for k in ("before", "after")}
+    one |= {"code": ["0123abcd"]}
+    said = proof.bases({name: one for name in ("sls", "pl-wiechert", "hooke")})
+    assert re.findall(r"^\| ([a-z-]+) +\|", said, re.M)[1:] == [
+        "hooke",
+        "sls",
+        "pl-wiechert",
+    ]
