@@ -444,18 +444,14 @@ def recordings(page: Page, found: Result) -> None:
     if faults:
         entries = [*faults["by_fault"].items(), ("all", faults["found"])]
         entries.append(("a false name", faults["with_a_false_name"]))
-        without = faults.get("new_without_a_fault")
-        if without:
-            entries.append(("a new name, nothing made", without))
+        entries.append(("a new name, nothing made", faults["new_without_a_fault"]))
         cells = [[name, share(e), e["of"]] for name, e in entries]
         page.say(
             "Faults made on copies of real recordings, to be found on top of what is "
             f"there (hash of softnn's code {', '.join(faults['code'])}):",
             markdown(["fault", "found", "copies"], cells),
             "A false name is one that the original has not. In the last row the copy "
-            "has no fault but lacks a recording: names may come anyhow."
-            if without
-            else "",
+            "has no fault but lacks a recording: names may come anyhow.",
         )
         missed(page, faults)
 

@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear, nnls
 from softnn.bounded import bounded
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
-from softnn.fit import Data, Engine, Guess, Piece, fit
+from softnn.fit import Data, Engine, Guess, Piece, fit, put, slots
 from softnn.models.linear import StandardLinearSolid
 from softnn.models.units import BASES, Units, build
 from softnn.simulate import Term, simulate
@@ -151,3 +151,18 @@ def test_bases():
         build("wichert", 0.0, 1.0, 0.1, 1.0)
     with pytest.raises(InputError, match="never leaves zero"):
         build("hooke", 0.0, 0.0, 0.1, 1.0)
+
+
+def test_moves_are_made_on_top_of_what_a_simulation_has_beyond_its_stand_in():
+    law = effect("load_cell_saturation")  # bends: the same move differs on top of it
+    data = Data(("a",), (Chunk(TIME, STRAIN),), (STRAIN,))
+    engine = Engine(data, remainder=[0.3 * np.sin(TIME)])
+    values = law.defaults() | {"limit_MPa": 0.5, "knee": 0.1}
+    pieces = (Piece(law, values, ("limit_MPa",)),)
+    guess = Guess(Units("hooke", (0.0, 1.0)), np.array([1.0]), pieces)
+    (slot,) = slots(guess)
+    change = engine.beside(guess, [[(slot, 0.4)]])[:, 0]
+    plain, _ = engine.run(guess, False)
+    alone, _ = engine.run(put(guess, [slot], [0.4]), False)
+    np.testing.assert_allclose(change, alone - plain, atol=1e-12)
+    assert np.abs(change).max() > 0.01

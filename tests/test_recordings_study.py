@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from softnn import Recording
-from softnn.contracts import Chunk
+from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.fit import Guess
 from softnn.mismatch import Case
@@ -109,6 +109,21 @@ def test_the_control_lacks_one_recording_and_has_no_fault():
     assert [t.fault for t in tasks] == ["", faults.CONTROL, "lag"]
     pair = replace(group, recordings=recordings[:2])
     assert [t.fault for t in trial.broken(pair, "hooke", 100, 0, 1.0, [])] == [""]
+
+
+def test_the_control_is_diagnosed_without_a_recording_and_expects_nothing(monkeypatch):
+    seen = []
+
+    def diagnosed(case, base, seed):
+        seen.append(len(case.recordings))
+        raise InputError("that is all")
+
+    monkeypatch.setattr(trial, "diagnose", diagnosed)
+    recordings = tuple(replace(triangle(), name=f"r{i}") for i in range(3))
+    group = groups.Group("s", "g", recordings, True, sets.Material(), ())
+    for task in trial.broken(group, "hooke", 100, 0, 1.0, ["lag"]):
+        trial.work(task)
+    assert seen == [3, 2, 3]
 
 
 def test_faults_are_scored_on_top_of_what_is_there():

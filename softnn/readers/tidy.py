@@ -62,7 +62,7 @@ def read_folder(
     """Recordings of a folder: as its `index.csv` lists them, else every CSV, by name.
 
     Raises `InputError` for the first file that cannot be read; where `unusable` is
-    given such files are passed over, and it says why, by name in the folder.
+    given such files of an index are passed over, and it says why, by name there.
     """
     folder = Path(folder)
     index = folder / "index.csv"
