@@ -269,7 +269,7 @@ def limits(page: Page, found: Result) -> None:
         f"{head['power_ratio_bar']:g} or more."
     )
     page.figure("proof-limits", limits_figure(found["effects"]), "detection limits")
-    page.say(limits_table(found["effects"]))
+    page.say(limits_table(found["effects"]), cuts_table(found["effects"]))
     rows = [
         [
             colour,
@@ -309,6 +309,26 @@ def limits_table(effects: Result) -> str:
         )
     heads = ["effect", "named over the oracle", "90 % from strength"]
     heads += ["from signal over noise", "the oracle's", "visible, yet said"]
+    return markdown(heads, rows)
+
+
+def cuts_table(effects: Result) -> str:
+    """All effects together at each strength, and at each level and colour of noise."""
+    cuts: dict[str, list[tuple[float, float]]] = {}
+    for cell in (c for e in effects.values() for c in e["cells"]):
+        noise = (f"noise of {percent(cell['level'], 1)}", f"{cell['colour']} noise")
+        strengths = {k: v for k, v in cell.items() if isinstance(v, dict)}
+        for strength, part in strengths.items():
+            counted = part["named"]["rate"], part["oracle_power"]
+            for cut in (f"strength {strength}", *noise):
+                cuts.setdefault(cut, []).append(counted)
+    rows = []
+    for cut, counts in cuts.items():
+        named, power = (sum(c) / len(counts) for c in zip(*counts, strict=True))
+        rows.append([cut, percent(named, 0), percent(power, 0), f"{named / power:.2f}"])
+    kinds = ("strength", "noise of", "")  # the empty one is in all
+    rows.sort(key=lambda r: [r[0].startswith(k) for k in kinds].index(True))
+    heads = ["all effects at", "named", "seen by the oracle", "one over the other"]
     return markdown(heads, rows)
 
 

@@ -191,6 +191,8 @@ def test_the_page_quotes_the_results(tmp_path):
     assert "| two effects | one found | 1 |" in cells
     # All four at strength 1, one at 0.1: 5 of 8, over a power of 0.95.
     assert any(c.startswith("| slack | 0.66 (") for c in cells)
+    assert "| strength 0.1 | 25 % | 95 % | 0.26 |" in cells
+    assert "| noise of 0.5 % | 62 % | 95 % | 0.66 |" in cells
     assert "names 0.66 of what the oracle sees; 0 of 1 effects" in text
     assert "takes 4.0 s (x, 2 cores)" in text
     assert "0.98 when every sample is used, and - with the effects" in text
