@@ -322,12 +322,12 @@ def cuts_table(effects: Result) -> str:
             counted = part["named"]["rate"], part["oracle_power"]
             for cut in (f"strength {strength}", *noise):
                 cuts.setdefault(cut, []).append(counted)
+    kinds = ("strength", "noise of", "")  # the empty one is in all
     rows = []
-    for cut, counts in cuts.items():
+    for cut in sorted(cuts, key=lambda c: [c.startswith(k) for k in kinds].index(True)):
+        counts = cuts[cut]
         named, power = (sum(c) / len(counts) for c in zip(*counts, strict=True))
         rows.append([cut, percent(named, 0), percent(power, 0), f"{named / power:.2f}"])
-    kinds = ("strength", "noise of", "")  # the empty one is in all
-    rows.sort(key=lambda r: [r[0].startswith(k) for k in kinds].index(True))
     heads = ["all effects at", "named", "seen by the oracle", "one over the other"]
     return markdown(heads, rows)
 
