@@ -471,9 +471,11 @@ class Fit:
 
     @property
     def parameters(self) -> int:
-        """Free numbers: stiffnesses above zero and slots."""
-        base = 0 if self.fixed_base else int((self.guess.stiffness > 0).sum())
-        return base + len(self.slots)
+        """Free numbers: slots, and stiffnesses, those at zero too.
+
+        Which of them end at zero is luck, and no credit to an effect.
+        """
+        return (0 if self.fixed_base else len(self.guess.stiffness)) + len(self.slots)
 
 
 def solve_base(

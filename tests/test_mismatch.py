@@ -191,6 +191,21 @@ def test_a_gap_that_all_recordings_have_is_measured_whole(tmp_path):
         assert told[f"gap of r{i}"]["value"] == pytest.approx(gap, rel=0.1)
 
 
+def test_a_gap_too_small_for_any_recording_is_seen_in_all_together(tmp_path):
+    law, gap = effect("slack"), 0.0012
+    slack = Term(law, law.defaults() | {"gap": np.full(5, gap)})
+    case = read_case(write_case(tmp_path / "c", [slack]))
+    base = baseline(to_data(case), "pl-wiechert")
+    leads, _ = Screen(base.engine, base.fit).lead(law, ENTRY)
+    assert {lead.piece.groups for lead in leads} == {((0, 1, 2, 3, 4),)}
+    found = diagnose(case).result
+    assert found["selected"] == ["slack"]
+    told = found["explanations"][0]["parameters"]
+    values = [told[f"gap of r{i}"]["value"] for i in range(5)]
+    assert len(set(values)) == 1
+    assert values[0] == pytest.approx(gap, rel=0.3)
+
+
 @pytest.mark.parametrize(
     ("name", "values"),
     [

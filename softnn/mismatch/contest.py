@@ -22,6 +22,7 @@ from softnn.mismatch.screen import Lead, Screen, null_threshold, start_pieces
 from softnn.mismatch.strangers import STRANGERS
 from softnn.mismatch.verify import intervals
 
+PROMISING = 0.7  # of the threshold: a fit may gain more than a straight line says
 ENTRY = 15.0  # of chi2, below which a recording does not enter an effect of its own
 NEAR = 0.8  # of the gain of a richer law, from which a simpler one may stand for it
 CLOSE = 0.01  # of the gain of a law: no form is true, and by so much it may be ahead
@@ -91,14 +92,15 @@ def rivals(
             own, seen = screen.lead(law, ENTRY)
             atoms += seen
             for lead in own:
-                key = f"{effect.id}/{law.form}"
+                shared = any(len(g) > 1 for g in lead.piece.groups)
+                key = f"{effect.id}/{law.form}/{shared}"
                 if key not in leads or lead.gain > leads[key].gain:
                     leads[key] = lead
     if not atoms:
         return [], ENTRY
     threshold = null_threshold(screen, atoms, rng)
     passed = sorted(leads.items(), key=lambda kv: -kv[1].gain)
-    passed = [kv for kv in passed if kv[1].gain > threshold]
+    passed = [kv for kv in passed if kv[1].gain > PROMISING * threshold]
     if not passed:
         return [], threshold
     top = passed[0][1].gain

@@ -25,7 +25,7 @@ CLEAR = 1.5  # times the threshold of noise, which a later effect must gain
 PLAINLY = 4.0  # the same where as little is left as noise leaves
 # What the first effect must gain: times the threshold of noise, and of score. More of
 # one that seeks a moment in each recording: noise has many for it to find.
-SURE = {False: (1.1, 6.0), True: (1.5, 20.0)}
+SURE = {False: (1.0, 4.0), True: (1.5, 20.0)}
 BLOCK = 32  # samples, beside which noise forgets at once if its memory is known
 DOUBT = 0.25  # excess that may still be the noise, taken for too little
 # What a later effect must win beyond the forms of the earlier ones: shares of what they

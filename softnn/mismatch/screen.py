@@ -54,6 +54,11 @@ def pieces_at(
     return out
 
 
+def in_all(effect: Effect) -> bool:
+    """Whether an effect of single recordings may be one and the same in all."""
+    return len(effect.per_recording) == 1 and not effect.some
+
+
 def only(piece: Piece, recordings: NDArray[np.integer]) -> Piece:
     """The piece in these recordings, off in the others."""
     values = dict(piece.values)
@@ -123,7 +128,11 @@ class Screen:
         return self.project(self.engine.whiten(parts))
 
     def lead(self, effect: Effect, threshold: float) -> tuple[list[Lead], list[Array]]:
-        """Leads of an effect from each of its starts; and all atoms, for the null."""
+        """Leads of an effect from each of its starts; and all atoms, for the null.
+
+        One of single recordings is asked for in each, and as the same in all of them:
+        what is too small to be seen in any may be seen in all.
+        """
         pieces = start_pieces(self.engine, effect)
         atoms = [self.atoms(p) for p in pieces]
         if not effect.per_recording:
@@ -133,7 +142,16 @@ class Screen:
                 if gain > 0:
                     leads.append(Lead(_scaled(piece, [c]), gain))
             return leads, atoms
-        return self._greedy(pieces, atoms, threshold), atoms
+        leads = self._greedy(pieces, atoms, threshold)
+        if in_all(effect) and len(self.engine.chunks) > 1:
+            every = (tuple(range(len(self.engine.chunks))),)
+            for piece, own in zip(pieces, list(atoms), strict=True):
+                atom = own.sum(axis=1)
+                atoms.append(atom[:, None])
+                c, gain = _signed(piece, atom, self.residual)
+                if gain > 0:
+                    leads.append(Lead(replace(_scaled(piece, [c]), groups=every), gain))
+        return leads, atoms
 
     def closer(self, effect: Effect, threshold: float) -> list[Lead]:
         """Leads of an effect from its closer starts, one of each shape."""
