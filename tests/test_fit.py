@@ -40,7 +40,8 @@ def test_base_without_effects_is_non_negative_least_squares():
     np.testing.assert_allclose(found.guess.stiffness, x, atol=1e-5)
     assert found.chi2 == pytest.approx(norm**2, rel=1e-8)
     # What ends at zero was free as well.
-    assert (x == 0).any() and found.parameters == len(x)
+    assert (x == 0).any()
+    assert found.parameters == len(x)
 
 
 def test_units_are_the_standard_linear_solid():
