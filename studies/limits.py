@@ -130,6 +130,7 @@ def row_of(
         "model": answer["model"],
         "verdict": found["verdict"],
         "selected": list(found["selected"]),
+        "equivalent": sorted(scoring.equivalents(found) - set(found["selected"])),
         "named": effect in found["selected"],
         "right": scoring.right(answer, found),
         "oracle": planted.get("oracle_power"),

@@ -38,7 +38,8 @@ DRAWS = 1000
 
 def summarise(rows: Sequence[Mapping[str, Any]], seed: int = 0) -> dict[str, Any]:
     """Everything that is reported, JSON-ready."""
-    table = pd.DataFrame(rows)
+    # Rows of an older store have no list of equivalents.
+    table = pd.DataFrame([{"equivalent": [], **row} for row in rows])
     singles = table[table.effect != "null"].copy()
     singles["signal"] = signal(singles)
     return {
@@ -56,6 +57,7 @@ def summarise(rows: Sequence[Mapping[str, Any]], seed: int = 0) -> dict[str, Any
             str(colour): of_noise(part)
             for colour, part in table.groupby("colour", sort=False)
         },
+        "lists": of_lists(singles),
         "errors": dict(Counter(e for e in table.error if e)),
         "seconds_a_case": float(table.seconds.median()),
     }
@@ -74,6 +76,7 @@ def of_effect(part: pd.DataFrame, rng: np.random.Generator) -> dict[str, Any]:
     seen = part[(part.oracle >= SEEN) & ~part.right]
     return {
         **shares(part),
+        "ratio_listed": listed(part).mean() / float(part.oracle.mean()),
         "ratio_low": low,
         "ratio_high": high,
         "smallest_strength": smallest_strength(part),
@@ -92,6 +95,27 @@ def of_effect(part: pd.DataFrame, rng: np.random.Generator) -> dict[str, Any]:
         "visible_but_missed": dict(
             Counter(said(r) for r in seen.to_dict("records")).most_common()
         ),
+    }
+
+
+def listed(part: pd.DataFrame) -> pd.Series:
+    """Whether the effect is what was named, or listed as equivalent to that."""
+    return pd.Series(
+        [
+            row["named"] or row["effect"] in row["equivalent"]
+            for row in part.to_dict("records")
+        ],
+        index=part.index,
+    )
+
+
+def of_lists(singles: pd.DataFrame) -> dict[str, Any]:
+    """How much is listed as equivalent to what is named, where something is."""
+    named = singles[singles.selected.map(len) > 0]
+    lengths = named.equivalent.map(len)
+    return {
+        "with_a_list": Rate(int((lengths > 0).sum()), len(named)).entry(),
+        "mean_length": float(lengths.mean()) if len(named) else None,
     }
 
 
@@ -213,6 +237,7 @@ def headline_of(found: Mapping[str, Any]) -> dict[str, Any]:
         headline[f"power_ratio_mean/{colour}"] = float(np.mean(of)) if of else None
     for name, e in effects.items():
         headline[f"power_ratio/{name}"] = e["ratio"]
+        headline[f"power_ratio_listed/{name}"] = e["ratio_listed"]
         headline[f"smallest_strength/{name}"] = e["smallest_strength"]
         headline[f"smallest_signal/{name}"] = e["smallest_signal"]
     return headline
@@ -233,6 +258,7 @@ def tables(found: Mapping[str, Any]) -> dict[str, str]:
                 *(percent(n, 0) for n in named),
                 percent(e["right"]["rate"], 0),
                 f"{e['ratio']:.2f} ({e['ratio_low']:.2f} to {e['ratio_high']:.2f})",
+                number(e["ratio_listed"]),
                 number(e["smallest_strength"]),
                 number(e["smallest_signal"]),
                 number(e["oracle_smallest_signal"]),
@@ -245,6 +271,7 @@ def tables(found: Mapping[str, Any]) -> dict[str, str]:
                 *(f"named at {s}" for s in strengths),
                 "right and alone",
                 "over the oracle",
+                "or listed as equivalent",
                 "90 % from strength",
                 "from signal/noise",
                 "oracle's",

@@ -256,7 +256,7 @@ def causes_table(trial: Result) -> str:
 
 
 def limits(page: Page, found: Result) -> None:
-    head, grid = found["headline"], found["record"]["grid"]
+    head, grid, lists = found["headline"], found["record"]["grid"], found["lists"]
     levels = ", ".join(str(percent(v, 1)) for v in grid["levels"])
     page.say(
         f"{found['record']['cases']} cases: {len(grid['effects'])} effects, strengths "
@@ -266,7 +266,11 @@ def limits(page: Page, found: Result) -> None:
         "true form, the programme and the noise. Averaged over strengths softnn names "
         f"{head['power_ratio_mean']:.2f} of what the oracle sees; "
         f"{head['effects_at_bar']} of {head['effects']} effects are at "
-        f"{head['power_ratio_bar']:g} or more."
+        f"{head['power_ratio_bar']:g} or more. What is named comes with a list of "
+        "effects that could not be told from it there, empty in "
+        f"{percent(1 - lists['with_a_list']['rate'], 0)} of "
+        f"{lists['with_a_list']['of']} cases, of {lists['mean_length']:.2g} effects in "
+        "the mean; to be on it is not counted as named, but shown beside."
     )
     page.figure("proof-limits", limits_figure(found["effects"]), "detection limits")
     page.say(limits_table(found["effects"]), cuts_table(found["effects"]))
@@ -301,13 +305,14 @@ def limits_table(effects: Result) -> str:
             [
                 name,
                 f"{e['ratio']:.2f} ({e['ratio_low']:.2f} to {e['ratio_high']:.2f})",
+                f"{e['ratio_listed']:.2f}",
                 short(e["smallest_strength"]),
                 short(e["smallest_signal"]),
                 short(e["oracle_smallest_signal"]),
                 "; ".join(f"{what} ({n})" for what, n in instead) or None,
             ]
         )
-    heads = ["effect", "named over the oracle", "90 % from strength"]
+    heads = ["effect", "named over the oracle", "or listed", "90 % from strength"]
     heads += ["from signal over noise", "the oracle's", "visible, yet said"]
     return markdown(heads, rows)
 

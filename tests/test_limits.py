@@ -87,6 +87,7 @@ def fake(order: orders.Order) -> dict:
         "number": order.number,
         "verdict": "explained" if named else "nothing_missing",
         "selected": selected,
+        "equivalent": [],
         "named": named,
         "right": named or not single,
         "oracle": min(order.strength, 0.9) if single else None,
@@ -238,6 +239,34 @@ def test_a_case_that_cannot_be_diagnosed_stops_nobody(monkeypatch):
     assert row["oracle"] == pytest.approx(oracle.power(row["energy"], 7), abs=1e-3)
 
 
+def test_what_could_not_be_told_from_the_name_is_kept():
+    explanation = {
+        "effect": "slack",
+        "equivalent": ["zero_offset", "gain_error"],
+        "probability": 0.9,
+    }
+    found = {
+        "verdict": "explained",
+        "selected": ["slack"],
+        "explanations": [explanation],
+    }
+    answer = {
+        "effects": ["gain_error"],
+        "group": "single",
+        "planted": {"gain_error": {"oracle_power": 0.5, "energy": 9.0}},
+        "noise": {"correlation_s": 0.0, "level": 0.01},
+        "strength": 1.0,
+        "number": 3,
+        "model": "sls",
+        "recordings": [{"samples": 10}],
+        "left_nrmse": 0.01,
+        "noise_nrmse": 0.02,
+    }
+    row = limits.row_of(answer, found, None)
+    assert row["equivalent"] == ["gain_error", "zero_offset"]
+    assert not row["named"]
+
+
 # --- what is counted ------------------------------------------------------------------
 
 
@@ -247,6 +276,9 @@ def test_shares_by_hand():
     # One of the weak ones is named after all, with another beside it.
     weak = next(r for r in rows if r["strength"] == 0.1)
     weak |= {"named": True, "selected": ["slack", "inertia"], "verdict": "explained"}
+    # Another is listed as equivalent to what was named instead.
+    other = next(r for r in rows if r["strength"] == 0.1 and not r["named"])
+    other |= {"selected": ["grip_slip"], "equivalent": ["slack"], "right": False}
     alarm = next(r for r in rows if r["effect"] == "null" and r["colour"] == "long")
     alarm |= {"verdict": "unexplained", "right": False}
     found = limits_report.summarise(rows)
@@ -255,6 +287,9 @@ def test_shares_by_hand():
     assert slack["right"]["right"] == 8
     assert slack["oracle_power"] == pytest.approx(0.5)
     assert slack["ratio"] == pytest.approx((9 / 16) / 0.5)
+    assert slack["ratio_listed"] == pytest.approx((10 / 16) / 0.5)
+    assert found["lists"]["with_a_list"]["of"] == 10
+    assert found["lists"]["mean_length"] == pytest.approx(0.1)
     assert slack["ratio_low"] <= slack["ratio"] <= slack["ratio_high"]
     assert slack["smallest_strength"] == 1.0
     # An energy of 4000 over 1000 samples is twice the noise in each.
