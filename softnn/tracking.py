@@ -43,6 +43,8 @@ SOURCE = {"mlflow.source.type": "LOCAL", "mlflow.source.name": "softnn"}
 KIND = {"mlflow.experimentKind": "custom_model_development"}
 STUDY, IDENTITY, TRIAL = "softnn.study", "softnn.identity", "softnn.trial"
 BATCH = 1000  # metrics that MLflow takes in one call
+LONGEST = 8000  # characters that MLflow keeps of a tag
+WHOLE = "note.md"  # where a note longer than that is kept
 
 
 class Tracker:
@@ -161,6 +163,9 @@ class Tracker:
         and named numbers on the parent run. Logged again, it replaces what was there.
         """
         self._log(self.run_id, {}, metrics)
+        if len(note) > LONGEST:
+            self._client.log_text(self.run_id, note, WHOLE)
+            note = beginning(note)
         for key, value in {NOTE: note, **(tags or {})}.items():
             self._client.set_tag(self.run_id, key, value)
         for file in files:
@@ -194,6 +199,12 @@ class Tracker:
                 [self.experiment_id], filter_string=condition, max_results=10_000
             )
         )
+
+
+def beginning(note: str) -> str:
+    """As many whole paragraphs of a note as fit into a tag; the rest is in a file."""
+    more = f"\n\nThe rest is in the artifact `{WHOLE}`."
+    return note[: LONGEST - len(more)].rpartition("\n\n")[0] + more
 
 
 def _client(uri: str) -> MlflowClient:

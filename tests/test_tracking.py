@@ -85,6 +85,20 @@ def test_parent_holds_figure_table_and_numbers(made, tmp_path):
     assert parent.inputs.dataset_inputs[0].dataset.digest == "f" * 36
 
 
+def test_a_note_too_long_for_a_tag_is_kept_whole_in_a_file(made, tmp_path):
+    note = "\n\n".join(f"paragraph {i} " + 90 * "x" for i in range(200))
+    with Tracker(made, "long", identity="1", **ABOUT) as tracker:
+        tracker.result({}, note=note)
+    client, (parent,), _ = read(made, "long")
+    seen = parent.data.tags["mlflow.note.content"]
+    assert len(seen) <= 8000
+    kept, pointer = seen.rsplit("\n\n", 1)
+    assert note.startswith(kept + "\n\n")
+    assert "note.md" in pointer
+    client.download_artifacts(parent.info.run_id, "note.md", str(tmp_path))
+    assert (tmp_path / "note.md").read_text() == note
+
+
 def test_same_identity_goes_on_and_logs_nothing_twice(made):
     with pytest.raises(KeyboardInterrupt):
         stop_after_one_trial(made, "again")
