@@ -13,6 +13,7 @@ can be, and writes under `mlruns/smoke`, where nobody mistakes it for a result.
 from __future__ import annotations
 
 import argparse
+import ast
 import hashlib
 import json
 import math
@@ -24,6 +25,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 
 RESULTS = Path(__file__).parent / "results"
 RUNS = Path("mlruns")  # below the folder the study is started in; ignored by git
+SHOWING = ("cli.py", "report.py", "tracking.py")  # what is found, not finding it
 PACKAGES = ("numpy", "scipy", "pandas", "torch", "optuna", "mlflow")
 
 
@@ -171,11 +174,29 @@ def plain(value: Any) -> Any:
 
 
 def fingerprint(content: Any, *, files: Iterable[Path] = ()) -> str:
-    """A short hash of JSON-ready content and of the text of files."""
+    """A short hash of JSON-ready content and of the code in files: see `code_of`."""
     digest = hashlib.sha256(json.dumps(plain(content), sort_keys=True).encode())
-    for file in sorted(files):
-        digest.update(file.read_bytes())
+    digest.update(code_of(files).encode())
     return digest.hexdigest()[:12]
+
+
+def code_of(files: Iterable[Path]) -> str:
+    """A short hash of what Python files do: remarks and layout do not count."""
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(_tree(file, file.stat().st_mtime_ns))
+    return digest.hexdigest()[:12]
+
+
+@cache
+def _tree(file: Path, _changed: int) -> bytes:
+    return ast.dump(ast.parse(file.read_text(encoding="utf-8"))).encode()
+
+
+def package_files() -> list[Path]:
+    """The files of softnn on which results depend: not those that only show them."""
+    package = Path(softnn.__file__).parent
+    return [f for f in package.rglob("*.py") if f.name not in SHOWING]
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

@@ -17,7 +17,6 @@ The full grid takes a night on a few cores; --quick takes a fraction of an hour.
 from __future__ import annotations
 
 import argparse
-import ast
 import hashlib
 import json
 import os
@@ -30,10 +29,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import softnn
 from softnn.contracts import InputError
 from softnn.workers import workers
-from studies.common import RUNS, guarded, parser
+from studies.common import RUNS, code_of, guarded, package_files, parser
 from studies.concealed import orders, scoring, sealing
 from studies.concealed.noises import LEVELS
 from studies.concealed.trial import check_names
@@ -200,15 +198,11 @@ class Store:
         self._base.close()
 
 
-def code_of() -> str:
-    """A hash of what makes and diagnoses a case; remarks and layout do not count."""
-    package = Path(softnn.__file__).parent
-    files = [*package.rglob("*.py"), *(HERE / "concealed").glob("*.py")]
-    aside = ("report.py", "cli.py", "tracking.py", "reporting.py", "trial.py")
-    digest = hashlib.sha256()
-    for file in sorted(f for f in files if f.name not in aside):
-        digest.update(ast.dump(ast.parse(file.read_text(encoding="utf-8"))).encode())
-    return digest.hexdigest()[:12]
+def code() -> str:
+    """A hash of what makes and diagnoses a case."""
+    forge = (HERE / "concealed").glob("*.py")
+    aside = ("reporting.py", "trial.py")
+    return code_of([*package_files(), *(f for f in forge if f.name not in aside)])
 
 
 # --- the command ----------------------------------------------------------------------
@@ -261,8 +255,7 @@ def grid_of(a: argparse.Namespace) -> Grid:
 def run(a: argparse.Namespace) -> None:
     grid = grid_of(a)
     home = RUNS / "smoke" if a.smoke else RUNS
-    code = code_of()
-    store = Store(a.store or home / "limits" / f"seed-{grid.seed}.sqlite", code)
+    store = Store(a.store or home / "limits" / f"seed-{grid.seed}.sqlite", code())
     try:
         wanted = grid.orders()
         if not a.report:
@@ -275,7 +268,7 @@ def run(a: argparse.Namespace) -> None:
     whole = len(rows) == len(wanted) and grid.effects == orders.NAMES
     record = {
         "grid": asdict(grid),
-        "code": code,
+        "code": store.code,
         "cases": len(rows),
         "missing": len(wanted) - len(rows),
         "smoke": a.smoke,

@@ -112,7 +112,7 @@ def test_stopped_by_ctrl_c_it_goes_on_where_it_was(tmp_path, monkeypatch, capsys
         return fake(order)
 
     monkeypatch.setattr(limits, "outcome", interrupted)
-    monkeypatch.setattr(limits, "code_of", lambda: "as it was")
+    monkeypatch.setattr(limits, "code", lambda: "as it was")
     grid = ["--effects", "slack", "--strengths", "0.1", "1", "--levels", "0.01"]
     grid += ["--cases", "3", "--nulls", "2", "--jobs", "1", "--seed", "12"]
     assert limits.main(grid) == 130
@@ -128,7 +128,7 @@ def test_stopped_by_ctrl_c_it_goes_on_where_it_was(tmp_path, monkeypatch, capsys
     assert result["headline"]["power_ratio/slack"] == pytest.approx(0.5 / 0.5)
     assert result["record"]["published"] is False
     # Other code, other outcomes.
-    monkeypatch.setattr(limits, "code_of", lambda: "changed")
+    monkeypatch.setattr(limits, "code", lambda: "changed")
     assert limits.main(["--report", *grid]) == 2
     assert "holds no case of this grid and this code" in capsys.readouterr().err
 
@@ -140,7 +140,7 @@ def test_code_is_told_by_what_it_does(tmp_path, monkeypatch):
     found = []
     for text in ("a = 1\n", "a = (1)  # a remark\n", "a = 2\n"):
         file.write_text(text)
-        found.append(limits.code_of())
+        found.append(limits.code())
     assert found[0] == found[1] != found[2]
 
 

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import softnn
 from studies.common import (
     COLOURS,
     RUNS,
+    code_of,
     fingerprint,
     markdown,
     new_figure,
+    package_files,
     percent,
     results_folder,
     save_figure,
@@ -93,7 +94,7 @@ class Row:
 
 def version() -> str:
     """A short hash of the code of softnn, which a diagnosis depends on."""
-    return fingerprint("", files=Path(softnn.__file__).parent.rglob("*.py"))
+    return code_of(package_files())
 
 
 def kept(file: Path, bases: Sequence[str], groups: Sequence[Group]) -> dict[str, Any]:

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 
-import softnn
 from softnn.contracts import InputError
 from softnn.mismatch import Diagnosis, diagnose
 from softnn.mismatch.case import to_data
@@ -25,7 +24,7 @@ from softnn.models.units import BASES
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
 from softnn.workers import workers
-from studies.common import RUNS, fingerprint, guarded, parser
+from studies.common import RUNS, fingerprint, guarded, package_files, parser
 from studies.recordings.faults import CONTROL, FAULTS, faulty, one_less
 from studies.recordings.groups import (
     Group,
@@ -186,7 +185,7 @@ def key_of(task: Task) -> str:
     about = [kind, task.base, task.samples, task.seed, *made]
     return fingerprint(
         [g.label, g.specimens, data_hash(g.recordings), about, *map(asdict, way)],
-        files=[*Path(softnn.__file__).parent.rglob("*.py")],
+        files=package_files(),
     )
 
 
