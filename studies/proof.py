@@ -197,8 +197,8 @@ def strangers_sentence(trial: Result) -> str:
     with_law, without = (f"{share(a)} of {a['of']}" for a in apart)
     return (
         f"At strength {strength_of(trial):g}, of what is on no list, the kinds that "
-        f"softnn has a law for by now ({', '.join(WITH_LAWS)}), some written after "
-        f"this trial, got no confident name in {with_law}; the others in {without}."
+        f"softnn has a law for by now ({', '.join(WITH_LAWS)}) got no confident "
+        f"name in {with_law}; the others in {without}."
     )
 
 
