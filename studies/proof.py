@@ -256,7 +256,7 @@ def causes_table(trial: Result) -> str:
 
 
 def limits(page: Page, found: Result) -> None:
-    head, grid, lists = found["headline"], found["record"]["grid"], found["lists"]
+    head, grid = found["headline"], found["record"]["grid"]
     levels = ", ".join(str(percent(v, 1)) for v in grid["levels"])
     page.say(
         f"{found['record']['cases']} cases: {len(grid['effects'])} effects, strengths "
@@ -266,11 +266,8 @@ def limits(page: Page, found: Result) -> None:
         "true form, the programme and the noise. Averaged over strengths softnn names "
         f"{head['power_ratio_mean']:.2f} of what the oracle sees; "
         f"{head['effects_at_bar']} of {head['effects']} effects are at "
-        f"{head['power_ratio_bar']:g} or more. What is named comes with a list of "
-        "effects that could not be told from it there, empty in "
-        f"{percent(1 - lists['with_a_list']['rate'], 0)} of "
-        f"{lists['with_a_list']['of']} cases, of {lists['mean_length']:.2g} effects in "
-        "the mean; to be on it is not counted as named, but shown beside."
+        f"{head['power_ratio_bar']:g} or more."
+        f"{lists_sentence(found['lists'])}"
     )
     page.figure("proof-limits", limits_figure(found["effects"]), "detection limits")
     page.say(limits_table(found["effects"]), cuts_table(found["effects"]))
@@ -291,6 +288,19 @@ def limits(page: Page, found: Result) -> None:
         ),
         "Everything is weighed by the noise as it is read off the recordings:",
         noise_table(found["noise"]),
+    )
+
+
+def lists_sentence(lists: Result) -> str:
+    """How long the lists of equivalents are; nothing, where nothing is named."""
+    some = lists["with_a_list"]
+    if not some["of"]:
+        return ""
+    return (
+        " What is named comes with a list of effects that could not be told from it "
+        f"there, empty in {percent(1 - some['rate'], 0)} of {some['of']} cases, of "
+        f"{lists['mean_length']:.2g} effects in the mean; to be on it is not counted "
+        "as named, but shown beside."
     )
 
 
