@@ -78,13 +78,56 @@ def bounded(gram, right, low, high, start):
 
 
 @numba.njit(cache=True)
-def whitened(x, scale, before):
-    """Rows (n, k) times scale (n,), less `before` (n - 1,) times the row before."""
-    n, k = x.shape
-    out = np.empty((n, k))
+def innovations(decay, share, white, first):
+    """What is new in each sample of a noise of unit variance: gains and scale.
+
+    `decay` (n, parts) since the sample before, `share` (n, parts) of the variance of
+    the first-order parts, `white` (n,) the rest; `first` (n,) where a recording begins.
+    Returns gains (n, parts) of a Kalman filter and 1 / sqrt of the innovation variance.
+    """
+    n, k = decay.shape
+    gain = np.zeros((n, k))
+    scale = np.empty(n)
+    p = np.zeros((k, k))
     for i in range(n):
+        for a in range(k):
+            for b in range(k):
+                if first[i]:
+                    p[a, b] = share[i, a] if a == b else 0.0
+                else:
+                    p[a, b] *= decay[i, a] * decay[i, b]
+            if not first[i]:
+                p[a, a] += share[i, a] * (1 - decay[i, a] ** 2)
+        total = white[i]
+        for a in range(k):
+            for b in range(k):
+                gain[i, a] += p[a, b]
+            total += gain[i, a]
+        scale[i] = 1 / np.sqrt(total)
+        for a in range(k):
+            gain[i, a] /= total
+        for a in range(k):
+            for b in range(k):
+                p[a, b] -= gain[i, a] * gain[i, b] * total
+    return gain, scale
+
+
+@numba.njit(cache=True)
+def whitened(x, sigma, decay, gain, scale, first):
+    """Rows (n, k) as innovations of variance 1; see `innovations`."""
+    n, k = x.shape
+    parts = decay.shape[1]
+    out = np.empty((n, k))
+    state = np.zeros((parts, k))
+    for i in range(n):
+        if first[i]:
+            state[:] = 0.0
         for j in range(k):
-            out[i, j] = x[i, j] * scale[i]
-            if i > 0:
-                out[i, j] -= before[i - 1] * x[i - 1, j]
+            new = x[i, j] / sigma[i]
+            for a in range(parts):
+                state[a, j] *= decay[i, a]
+                new -= state[a, j]
+            for a in range(parts):
+                state[a, j] += gain[i, a] * new
+            out[i, j] = new * scale[i]
     return out

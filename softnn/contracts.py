@@ -170,6 +170,7 @@ class Signal:
     strain: Array
     branch_strain: Array
     begun_s: float = 0.0
+    branch_time_s: Array | None = None  # by which branches relax; None: time_s
     temperature_C: Array | None = None
     equilibrium: Array | None = None
     branches: Array | None = None
@@ -210,6 +211,8 @@ class Effect(ABC):
     some: bool = False  # a mistake in some recordings, hardly ever in most of them
     contains: tuple[str, ...] = ()  # ids of simpler laws that this one can become
     shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
+    part_of: tuple[str, ...] = ()  # bases that have it already
+    scatter: bool = False  # what specimens of one material differ by
     needs_temperature: bool = False
     # Whether the stress of a moment changes what comes out at that moment alone.
     pointwise: bool = True

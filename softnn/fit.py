@@ -18,15 +18,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softnn.bounded import bounded, whitened
+from softnn.bounded import bounded, innovations, whitened
 from softnn.contracts import Array, Chunk, Effect, Scales, Signal
 from softnn.models.units import Units
-from softnn.simulate import Memory, Term, measured, reach, run_on
+from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
 
 RIDGE = 1e-11  # of each diagonal entry: keeps collinear branches solvable
 KEPT = 6  # strains that reached the model, last asked for
 ROOM = 3e7  # numbers that may be kept so, where recordings are many
 
+HIGHEST = 0.995  # correlation of neighbouring samples
+Memory_s = Sequence[tuple[float, float]]  # (share of the variance, time in s), parts
 Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
 
 
@@ -180,10 +182,10 @@ class Engine:
         self,
         data: Data,
         sigma_MPa: Sequence[Array] | None = None,
-        correlation_s: Sequence[float] | None = None,
+        memory: Sequence[Memory_s] | None = None,
         remainder: Sequence[Array] | None = None,
     ) -> None:
-        """`sigma_MPa` (n,) and `correlation_s` of each recording: its noise.
+        """`sigma_MPa` (n,) and `memory` of each recording: its noise (`softnn.noise`).
 
         `remainder` (n,) of each recording is added to the equilibrium stress: what a
         simulation that is not refitted has beyond its stand-in.
@@ -204,29 +206,42 @@ class Engine:
         self.body = False  # weigh all samples alike, as if the noise were white
         self._cache: dict[Any, Any] = {}
         self._inputs: dict[Any, list[Input]] = {}
+        self.noises = 0  # set so far: which one is in force
         self._blind: Array | None = None  # orthonormal, whitened: what no fit may see
-        self.set_noise(sigma_MPa, correlation_s)
+        self.set_noise(sigma_MPa, memory)
 
     def set_noise(
         self,
         sigma_MPa: Sequence[Array] | None,
-        correlation_s: Sequence[float] | None,
+        memory: Sequence[Memory_s] | None,
     ) -> None:
+        """Weigh by a noise: standard deviation (n,) and memory of each recording."""
         n = len(self.measured)
         sigma = np.ones(n) if sigma_MPa is None else np.concatenate(sigma_MPa)
         self.sigma = sigma[self.valid]
         time = np.concatenate([c.time_s for c in self.data.chunks])[self.valid]
-        tau = (
-            np.zeros(len(self.data.chunks)) if correlation_s is None else correlation_s
+        memory = memory or [()] * len(self.data.chunks)
+        parts = max((len(m) for m in memory), default=0)
+        share, tau = np.zeros((2, len(memory), parts))
+        tau += 1.0
+        for r, own in enumerate(memory):
+            for k, (weight, seconds) in enumerate(own):
+                share[r, k], tau[r, k] = weight, seconds
+        step = np.diff(time, prepend=time[:1])[:, None]
+        self._first = np.diff(self.owner, prepend=-1) != 0
+        decay = np.exp(-np.maximum(step, 0.0) / tau[self.owner])
+        # Samples at one time are not one sample.
+        self._decay = np.minimum(decay, HIGHEST)
+        own_share = share[self.owner]
+        self._gain, self._scale = innovations(
+            self._decay,
+            own_share,
+            np.maximum(1 - own_share.sum(axis=1), 0.0),
+            self._first,
         )
-        step = np.diff(time, prepend=time[:1])
-        first = np.diff(self.owner, prepend=-1) != 0
-        own = np.maximum(np.asarray(tau, float)[self.owner], 1e-12)
-        phi = np.where(first, 0.0, np.exp(-np.maximum(step, 1e-12) / own))
-        self.phi = np.minimum(phi, 0.995)
-        norm = np.sqrt(1 - self.phi**2)
-        self.scale = 1 / (self.sigma * norm)
-        self._before = self.phi[1:] / (self.sigma[:-1] * norm[1:])
+        # Of the density of what is whitened, so that noises can be held against noises.
+        self.log_norm = float(np.sum(np.log(self._scale / self.sigma)))
+        self.noises += 1
 
     @contextmanager
     def blind(self, columns: Array) -> Iterator[None]:
@@ -263,20 +278,25 @@ class Engine:
         return out
 
     def _whiten(self, x: Array) -> Array:
-        if x.ndim == 1:
-            out = x * self.scale
-            out[1:] -= self._before * x[:-1]
-            return out
-        return whitened(x, self.scale, self._before)
+        rows = np.ascontiguousarray(x if x.ndim == 2 else x[:, None], float)
+        out = whitened(
+            rows, self.sigma, self._decay, self._gain, self._scale, self._first
+        )
+        return out if x.ndim == 2 else out[:, 0]
 
     def columns(self, units: Units, r: int, chunk: Chunk, state: Any) -> Any:
         """Unit columns of recording r; kept when the strain is the commanded one."""
         plain = chunk.strain is self.chunks[r].strain or chunk.branch_strain is None
+        own_time = chunk.time_s is not self.chunks[r].time_s
         key = (units, r)
         if plain and key in self._cache:
             return self._cache[key]
         last, inner = (None, None) if state is None else state
-        decays = self.decays(units, r, chunk.time_s, last)
+        decays = (
+            units.decays(chunk.time_s, last)
+            if own_time
+            else self.decays(units, r, chunk.time_s, last)
+        )
         seen = chunk.strain if chunk.branch_strain is None else chunk.branch_strain
         branch, inner = units.branches(decays, seen, inner)
         out = (units.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner))
@@ -318,9 +338,7 @@ class Engine:
             signal = reach(terms, [own[r] for own in every], chunk, memory)
             inner = chunk
             if front:
-                inner = Chunk(
-                    chunk.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]
-                )
+                inner = to_model(signal)
             springs, branch, state = self.columns(units, r, inner, state)
             out.append((signal, springs, branch))
         size = sum(springs.size + branch.size for _, springs, branch in out)
@@ -426,10 +444,7 @@ class Engine:
             if front:
                 signal = reach(terms, values_, chunk, {})
                 eq = guess.units.spring_stress(signal.strain, x[:segments])
-                decays = self.decays(guess.units, r, chunk.time_s)
-                br = guess.units.branch_stress(
-                    decays, signal.branch_strain, x[segments:]
-                )
+                br = self._borne(guess.units, r, signal, x[segments:])
             else:
                 signal, springs, branch = inputs[r]
                 eq = (springs @ x[:segments])[:, None]
@@ -440,6 +455,22 @@ class Engine:
             out = np.broadcast_to(out, (len(out), sets))
             change.append(out[:, 1:] - out[:, :1])
         return self._seen(np.concatenate(change))
+
+    def _borne(self, units: Units, r: int, signal: Signal, stiffness: Array) -> Array:
+        """Stress (n, sets) of the branches, each set in its own time."""
+        strain, time = signal.branch_strain, signal.branch_time_s
+        if time is None:
+            decays = self.decays(units, r, signal.time_s)
+            return units.branch_stress(decays, strain, stiffness)
+        sets = max(strain.shape[1], time.shape[1])
+        strain, time = (np.broadcast_to(a, (len(a), sets)) for a in (strain, time))
+        columns = [
+            units.branch_stress(
+                units.decays(time[:, j], None), strain[:, j : j + 1], stiffness
+            )
+            for j in range(sets)
+        ]
+        return np.concatenate(columns, axis=1)
 
     @staticmethod
     def _through(
@@ -476,6 +507,14 @@ class Fit:
         Which of them end at zero is luck, and no credit to an effect.
         """
         return (0 if self.fixed_base else len(self.guess.stiffness)) + len(self.slots)
+
+    @property
+    def free_columns(self) -> Array:
+        """Whitened derivatives by what is free; stiffnesses at zero stay there."""
+        k = len(self.guess.stiffness)
+        live = np.ones(self.jacobian.shape[1], bool)
+        live[:k] = (self.guess.stiffness > 0) & (not self.fixed_base)
+        return self.jacobian[:, live]
 
 
 def solve_base(

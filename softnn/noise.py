@@ -1,48 +1,55 @@
-r"""Level and colour of the noise of a recording, estimated from the data alone.
+r"""Level, memory and grain of the noise of each recording, estimated from the data.
 
-A window of samples is taken as a cubic in time plus noise whose correlation falls off
-as AR(1). Its level and its correlation are those of greatest restricted likelihood
-(Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), which allows for the noise
-that the cubic itself takes up. Memory that is long beside a window is looked for in
-longer ones too, and the shortest found counts: what a simulation misses only ever adds
-correlation. Windows in which something else happens (a reversal, a slip) are rougher
-than the rest and are left out. Level may grow with the stress; a channel with few
-distinct values is quantised, and its step adds step / sqrt(12).
+A window of samples is taken as a cubic in time plus noise of some memory. Level and
+memory are those of greatest restricted likelihood (Patterson and Thompson 1971,
+doi:10.1093/biomet/58.3.545), which allows for the noise that the cubic takes up. The
+memory is one of a table: first-order (of so many samples, or of so many seconds), or
+1/f-like, a sum of first-order parts with times a factor apart (Bernamont 1937). The
+recordings share it as far as none contradicts it; each has a level of its own, shrunk
+towards that of all by how well its windows know it (James and Stein 1961). Windows in
+which something else happens (a reversal, a slip) are rougher than the rest and are left
+out. Level may grow with the stress; a quantised channel adds step^2 / 12.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular, toeplitz
 
 from softnn.contracts import Array
 
-WINDOW = 48
-LONGER = (192, 768)  # for noise whose memory is more than a window shows
-MEMORY = 0.1  # of a window, up to which it shows it
+WINDOWS = (48, 192, 384)  # samples; long memory shows in the longer ones alone
 DEGREE = 3
-DISAGREE = 8.0  # of log-likelihood, beyond which recordings are not of one colour
-CORRELATIONS = np.concatenate([[0.0], 1 - np.geomspace(0.95, 0.008, 26)])
+DISAGREE = 8.0  # of log-likelihood, beyond which recordings are not of one memory
+CALM = 0.8  # of the windows of a recording: the others may hold a reversal
+USUAL = 1.5  # times the median roughness, which no reversal need explain
+PREFERRED = 3.0  # of log-likelihood, by which 1/f noise must be better
+ROUGH = 2.5  # times the expected variance: no window of noise has as much
+PHI = np.concatenate([[0.0], 1 - np.geomspace(0.95, 0.008, 26)])
+PINK = (0.6, 0.8, 1.0, 1.2, 1.4)  # powers of 1/f
+PARTS = np.geomspace(0.7, 5000, 10)  # samples: times of the parts of 1/f noise
+LONGEST = 0.3  # of a recording, the longest part of 1/f noise that it has
+GROWTH = np.concatenate([[0.0], np.geomspace(0.03, 300, 18)])  # of variance, at peak
 
 
 @dataclass(frozen=True)
 class Noise:
     """Noise of one recording: sigma^2 = floor^2 + (share x stress)^2 + step^2 / 12.
 
-    `correlation` is that of neighbouring samples, `correlation_s` the time in which it
-    falls to 1/e; 0 is white.
+    `memory` holds the first-order parts, (share of the variance, time in s) each; the
+    rest is white.
     """
 
     floor_MPa: float
     share: float
     step_MPa: float
-    correlation: float
-    correlation_s: float
-    windows: int
+    memory: tuple[tuple[float, float], ...] = ()
+    windows: int = 0
 
     def sigma(self, stress_MPa: Array) -> Array:
         """Standard deviation at each stress, MPa."""
@@ -51,15 +58,15 @@ class Noise:
             self.floor_MPa**2 + (self.share * s) ** 2 + self.step_MPa**2 / 12
         )
 
-
-@dataclass(frozen=True)
-class Windows:
-    """Stretches of equally many samples, and what each says of the noise."""
-
-    like: Array  # (correlations, windows), restricted log-likelihood
-    variance: Array  # the same shape
-    size: Array  # (windows,), root mean square of the stress
-    whose: NDArray[np.integer]  # (windows,), the recording
+    @property
+    def correlation_s(self) -> float:
+        """Time in which the correlation falls to 1/e; 0 where it begins below."""
+        if sum(w for w, _ in self.memory) <= np.exp(-1):
+            return 0.0
+        parts = np.array(self.memory)
+        times = np.geomspace(0.01 * parts[:, 1].min(), 10 * parts[:, 1].max(), 200)
+        left = np.exp(-times[:, None] / parts[:, 1]) @ parts[:, 0]
+        return float(times[np.argmax(left < np.exp(-1))])
 
 
 def quantum(values: Array) -> float:
@@ -79,202 +86,279 @@ def quantum(values: Array) -> float:
     return step if repeated and regular.mean() > 0.95 else 0.0
 
 
-def _windows(x: Array, length: int) -> Array:
-    count = len(x) // length
-    return x[: count * length].reshape(count, length)
+# -- memory ----------------------------------------------------------------------------
 
 
-def _likelihood(windows: Array) -> tuple[Array, Array]:
-    """Restricted log-likelihood and variance, each (correlations, windows)."""
-    length = windows.shape[1]
+def _pink(power: float) -> tuple[Array, Array]:
+    """Shares and times (samples) of the parts of 1/f noise."""
+    weight = PARTS ** (power - 1)
+    return weight / weight.sum(), PARTS
+
+
+@cache
+def _whiteners(length: int) -> tuple[list[Array], Array, Array]:
+    """Of each memory: W (length - 4, length) with W y white and no cubic in it.
+
+    And the logarithms of the determinants that the restricted likelihood needs; the
+    correlation of a sample with the next.
+    """
     t = np.linspace(-1, 1, length)
     trend = np.linalg.qr(np.vander(t, min(DEGREE, length // 4) + 1))[0]
-    degrees = length - trend.shape[1]
-    like, variance = [], []
-    for phi in CORRELATIONS:
-        first = np.sqrt(1 - phi**2)
+    lag = np.arange(length)
+    out, extra, next_ = [], [], []
+    covariances = [p**lag if p else (lag == 0).astype(float) for p in PHI]
+    covariances += [
+        (w[:, None] * np.exp(-lag / tau[:, None])).sum(axis=0)
+        for w, tau in map(_pink, PINK)
+    ]
+    for covariance in covariances:
+        low = cholesky(toeplitz(covariance), lower=True)
+        q, r = np.linalg.qr(solve_triangular(low, trend, lower=True))
+        inverse = solve_triangular(low, np.eye(length), lower=True)
+        out.append(inverse - q @ (q.T @ inverse))
+        extra.append(-np.log(np.diag(low)).sum() - np.log(np.abs(np.diag(r))).sum())
+        next_.append(covariance[1])
+    return out, np.array(extra), np.array(next_)
 
-        def whiten(x: Array, phi: float = phi, first: float = first) -> Array:
-            return np.concatenate([first * x[:1], x[1:] - phi * x[:-1]])
 
-        p, y = whiten(trend), whiten(windows.T)
-        q, r = np.linalg.qr(p)
-        left = np.maximum((y**2).sum(axis=0) - ((q.T @ y) ** 2).sum(axis=0), 1e-300)
-        like.append(
-            -0.5 * degrees * np.log(left)
-            - np.log(np.abs(np.diag(r))).sum()
-            + 0.5 * np.log(1 - phi**2)
-        )
-        variance.append(left / degrees / (1 - phi**2))
-    return np.array(like), np.array(variance)
+@dataclass(frozen=True)
+class Windows:
+    """Stretches of equally many samples, and what each says of the noise."""
+
+    like: Array  # (memories, windows), restricted log-likelihood
+    variance: Array  # the same shape
+    size: Array  # (windows,), root mean square of the stress
+    whose: NDArray[np.integer]  # (windows,), the recording
+    degrees: int
+
+    def of(self, recording: int) -> NDArray[np.bool]:
+        """The calm windows of a recording; roughness is what is new in a sample."""
+        mine = self.whose == recording
+        if not mine.any():
+            return mine
+        rough = self.variance[len(PHI) - 2]
+        usual = max(np.quantile(rough[mine], CALM), USUAL * np.median(rough[mine]))
+        return mine & (rough <= usual)
+
+
+def _windows(
+    residuals: Sequence[Array], stresses: Sequence[Array], length: int
+) -> Windows | None:
+    rows, level, owner = [], [], []
+    for r, (residual, stress) in enumerate(zip(residuals, stresses, strict=True)):
+        keep = np.isfinite(residual) & np.isfinite(stress)
+        count = int(keep.sum()) // length
+        if not count:
+            continue
+        rows.append(residual[keep][: count * length].reshape(count, length))
+        by = stress[keep][: count * length].reshape(count, length)
+        level.append(np.sqrt((by**2).mean(axis=1)))
+        owner.append(np.full(count, r))
+    if not rows:
+        return None
+    y = np.concatenate(rows).T
+    whiteners, extra, _ = _whiteners(length)
+    degrees = length - min(DEGREE, length // 4) - 1
+    left = np.array([((w @ y) ** 2).sum(axis=0) for w in whiteners])
+    left = np.maximum(left, 1e-300)
+    like = -0.5 * degrees * np.log(left) + extra[:, None]
+    return Windows(
+        like, left / degrees, np.concatenate(level), np.concatenate(owner), degrees
+    )
+
+
+def _by_recording(windows: Windows, recordings: int) -> Array:
+    """Log-likelihood (memories, recordings) of the calm windows of each."""
+    out = np.zeros((windows.like.shape[0], recordings))
+    for r in range(recordings):
+        out[:, r] = windows.like[:, windows.of(r)].sum(axis=1)
+    return out
+
+
+def _in_seconds(like: Array, interval: Array) -> tuple[Array, Array]:
+    """Times, s, and the log-likelihood (times, recordings) of memory as long."""
+    times = np.concatenate(
+        [
+            [1e-9 * interval.min()],
+            np.geomspace(0.1 * interval.min(), 60 * interval.max(), 60),
+        ]
+    )
+    phi = np.exp(-interval / times[:, None])
+    out = np.empty(phi.shape)
+    for r in range(len(interval)):
+        out[:, r] = np.interp(phi[:, r], PHI, like[: len(PHI), r])
+    return times, out
+
+
+def _shared(table: Array) -> tuple[int, float]:
+    """Row of greatest likelihood for all recordings (rows, recordings), and its value.
+
+    What a simulation misses only ever adds memory. So where the half of the recordings
+    with the least of it contradicts all of them, it knows best.
+    """
+    best = int(np.argmax(table.sum(axis=1)))
+    own = np.argmax(table, axis=0)
+    half = np.argsort(own, kind="stable")[: (table.shape[1] + 1) // 2]
+    least = int(np.argmax(table[:, half].sum(axis=1)))
+    apart = table[least, half].sum() - table[best, half].sum()
+    chosen = least if least < best and apart > DISAGREE else best
+    return chosen, float(table[chosen].sum())
+
+
+def _memory(
+    windows: Sequence[Windows], interval: Array, count: int
+) -> tuple[Array, list[tuple[tuple[float, float], ...]]]:
+    """Row of the table (recordings,), as a float, and first-order parts of each."""
+    like = _by_recording(windows[0], count)
+    for longer in windows[1:]:
+        by = _by_recording(longer, count)
+        like = np.where((by != 0).any(axis=0), by, like)
+    samples, at_samples = _shared(like[: len(PHI)])
+    times, table = _in_seconds(like, interval)
+    second, at_second = _shared(table)
+    pink, at_pink = _shared(like[len(PHI) :])
+    if len(windows) > 1 and at_pink > max(at_samples, at_second) + PREFERRED:
+        weight, tau = _pink(PINK[pink])
+        parts = [tuple(zip(weight, tau * step, strict=True)) for step in interval]
+        return np.full(count, float(len(PHI) + pink)), parts
+    if at_second >= at_samples:
+        phi = np.exp(-interval / times[second])
+    else:
+        phi = np.full(count, PHI[samples])
+    phi = np.where(phi > 0.03, phi, 0.0)
+    parts = [
+        ((1.0, float(-step / np.log(p))),) if p > 0 else ()
+        for p, step in zip(phi, interval, strict=True)
+    ]
+    return np.interp(phi, PHI, np.arange(len(PHI))), parts
+
+
+# -- level -----------------------------------------------------------------------------
 
 
 def estimate(
     residuals: Sequence[Array],
     stresses: Sequence[Array],
     times: Sequence[Array],
+    lengths: Sequence[int] = WINDOWS,
 ) -> list[Noise]:
     """Noise of each recording, from residuals of any smooth simulation, or stress.
 
-    residuals, stresses and times are (n,) each; NaN marks what is missing. Recordings
-    of one machine share level and colour; where some contradict the memory that all
-    have together by having less, theirs counts.
+    residuals, stresses and times are (n,) each; NaN marks what is missing. Windows of
+    the shortest of the `lengths` alone say little of long memory, but are hardly
+    misled by what a simulation misses; 1/f noise is looked for in longer ones only.
     """
-    windows = _pooled(residuals, stresses, WINDOW)
+    found = [_windows(residuals, stresses, length) for length in lengths]
+    windows = [w for w in found if w is not None]
     steps = [quantum(s) for s in stresses]
-    if windows is None:  # too few samples of each to be pooled
+    if not windows:  # too few samples of each to be pooled
         return [
-            _short(x, s, t, q)
-            for x, s, t, q in zip(residuals, stresses, times, steps, strict=True)
+            _short(x, s, q) for x, s, q in zip(residuals, stresses, steps, strict=True)
         ]
-    variance, size, whose = windows.variance, windows.size, windows.whose
-    typical = np.max(size) + 1e-300
-    interval = np.array([float(np.median(np.diff(t))) for t in times])
-    seconds = _shared_time(windows, interval)
-    for length, longer in pairwise((WINDOW, *LONGER)):
-        if seconds < MEMORY * length * np.median(interval[whose]):
-            break
-        # The cubic taken out of a window takes memory as long as that out with it.
-        if calmer := _pooled(residuals, stresses, longer):
-            seconds = min(seconds, _shared_time(calmer, interval))
-    # The variance of each window at the correlation its own clock gives it.
-    phi = np.exp(-interval[whose] / max(seconds, 1e-12))
-    upper, w = _bracket(phi)
-    column = np.arange(len(whose))
-    own_variance = (1 - w) * variance[upper - 1, column] + w * variance[upper, column]
-    floor2, share2, kept = _level(own_variance, size, typical)
+    interval = np.array([_interval(t) for t in times])
+    rows, parts = _memory(windows, interval, len(times))
+    first = windows[0]
+    low = np.floor(rows).astype(int)[first.whose]
+    share = rows[first.whose] - low
+    column = np.arange(len(first.whose))
+    high = np.minimum(low + 1, len(first.variance) - 1)
+    variance = (1 - share) * first.variance[low, column]
+    variance += share * first.variance[high, column]
+    floor2, growth, kept = _levels(variance, first, len(times))
     out = []
-    for r, step in enumerate(steps):
-        own = kept & (whose == r)
-        phi = float(np.exp(-interval[r] / max(seconds, 1e-12)))
-        count = int(own.sum())
-        phi = phi if phi > 0.03 else 0.0
+    for r, (step, memory) in enumerate(zip(steps, parts, strict=True)):
         grain = step**2 / 12
+        # Parts that a recording is too short to show are not there.
+        memory = tuple((w, t) for w, t in memory if t < LONGEST * np.ptp(times[r]))
+        if len(memory) > 1:
+            total = sum(w for w, _ in memory)
+            memory = tuple((w / total, t) for w, t in memory)
+            floor2[r] *= total
+        plain = max(floor2[r] - grain, 0.1 * floor2[r])
+        count = int((kept & (first.whose == r)).sum())
         out.append(
             Noise(
-                float(np.sqrt(max(floor2 - grain, 0.1 * floor2))),
-                float(np.sqrt(share2)),
+                float(np.sqrt(plain)),
+                float(np.sqrt(growth * floor2[r])),
                 step,
-                phi,
-                seconds if phi > 0 else 0.0,
+                memory,
                 count,
             )
         )
     return out
 
 
-def _pooled(
-    residuals: Sequence[Array], stresses: Sequence[Array], length: int
-) -> Windows | None:
-    """Windows of `length` samples of all recordings; None where none is as long."""
-    rows, level, owner = [], [], []
-    for r, (residual, stress) in enumerate(zip(residuals, stresses, strict=True)):
-        keep = np.isfinite(residual) & np.isfinite(stress)
-        if keep.sum() < length:
-            continue
-        w = _windows(residual[keep], length)
-        rows.append(w)
-        level.append(np.sqrt((_windows(stress[keep], length) ** 2).mean(axis=1)))
-        owner.append(np.full(len(w), r))
-    if not rows:
-        return None
-    like, variance = _likelihood(np.concatenate(rows))
-    return Windows(like, variance, np.concatenate(level), np.concatenate(owner))
+def _interval(time: Array) -> float:
+    step = np.diff(time)
+    step = step[step > 0]
+    return float(np.median(step)) if len(step) else 1.0
 
 
-def _bracket(phi: Array) -> tuple[NDArray[np.integer], Array]:
-    """Where each correlation lies in the table: the entry above, its weight."""
-    upper = np.clip(np.searchsorted(CORRELATIONS, phi), 1, len(CORRELATIONS) - 1)
-    low, high = CORRELATIONS[upper - 1], CORRELATIONS[upper]
-    return upper, np.clip((phi - low) / (high - low), 0, 1)
+def _levels(
+    variance: Array, windows: Windows, count: int
+) -> tuple[Array, float, NDArray[np.bool]]:
+    """floor^2 (recordings,), its growth by stress^2, the windows that are noise alone.
 
-
-def _pooled_time(
-    like: Array, interval: Array
-) -> tuple[float, Callable[[float], float]]:
-    """Correlation time, s, of greatest likelihood for windows of different clocks.
-
-    And the log-likelihood at any time.
+    Recordings without windows have the level of all.
     """
-    shortest, longest = 0.1 * interval.min(), 60 * interval.max()
-    times = np.concatenate([[1e-12], np.geomspace(shortest, longest, 60)])
-
-    def at(tau: float) -> float:
-        phi = np.exp(-interval / tau)
-        upper, w = _bracket(phi)
-        column = np.arange(like.shape[1])
-        return float(
-            np.sum((1 - w) * like[upper - 1, column] + w * like[upper, column])
+    whose, half = windows.whose, windows.degrees / 2
+    top = float(np.max(windows.size)) + 1e-300
+    best: tuple[float, Array, float, NDArray[np.bool]] | None = None
+    for growth in GROWTH:
+        scale = 1 + growth * (windows.size / top) ** 2
+        own = variance / scale
+        level = np.array(
+            [
+                np.quantile(own[whose == r], 0.4) if (whose == r).any() else np.nan
+                for r in range(count)
+            ]
         )
+        kept = np.ones(len(own), bool)
+        for _ in range(4):
+            kept = own < ROUGH * level[whose]
+            for r in range(count):
+                mine = kept & (whose == r)
+                if mine.any():
+                    level[r] = own[mine].mean()
+        known = np.array([(kept & (whose == r)).sum() for r in range(count)])
+        there = known > 0
+        error = 1 / np.maximum(half * known[there], 1)  # variance of a log level
+        log = np.log(level[there])
+        spread, middle = _spread(log, error)
+        w = spread / (spread + error)
+        shrunk = np.full(count, middle)
+        shrunk[there] = middle + w * (log - middle)
+        ratio = own / np.exp(shrunk)[whose]
+        # Windows that are no noise have a variance of their own, at a price.
+        ratio = np.where(kept, ratio, np.log(ratio / ROUGH) + ROUGH)
+        value = -half * np.sum(np.log(scale) + shrunk[whose] + ratio)
+        value -= 0.5 * np.sum(np.log1p(spread / error))
+        value -= 2.0 * (growth > 0)
+        if best is None or value > best[0]:
+            best = value, np.exp(shrunk), growth / top**2, kept
+    assert best is not None
+    return best[1:]
 
-    return float(max(times, key=at)), at
 
-
-def _shared_time(windows: Windows, interval: Array) -> float:
-    """Correlation time, s, that the recordings share.
-
-    What a simulation misses only ever adds correlation. So where the half of the
-    recordings with the least of it contradicts the time of all, it knows best.
-    """
-    like, variance, whose = windows.like, windows.variance, windows.whose
-    # Rough windows hold a reversal; judged by what is new from sample to sample, which
-    # says little about the colour itself.
-    rough = variance[-2]
-    own: dict[int, tuple[float, NDArray[np.bool]]] = {}
-    everything = np.zeros(len(whose), bool)
-    for r in np.unique(whose):
-        mine = whose == r
-        calm = mine & (rough <= np.quantile(rough[mine], 0.8))
-        everything |= calm
-        if calm.sum() >= 4:
-            own[int(r)] = (_pooled_time(like[:, calm], interval[whose[calm]])[0], calm)
-    clock = interval[whose]
-    together, _ = _pooled_time(like[:, everything], clock[everything])
-    if len(own) < 2:
-        return together
-    half = np.zeros(len(whose), bool)
-    for _, calm in sorted(own.values(), key=lambda pair: pair[0]):
-        half |= calm
-        if half.sum() >= 0.4 * everything.sum():
+def _spread(log: Array, error: Array) -> tuple[float, float]:
+    """Variance of the levels themselves and their mean, by moments, iterated."""
+    spread = 0.0
+    middle = float(log.mean())
+    for _ in range(5):
+        weight = 1 / (spread + error)
+        middle = float(np.sum(weight * log) / weight.sum())
+        if len(log) < 2:
             break
-    least, at = _pooled_time(like[:, half], clock[half])
-    chance = at(least) - at(together)
-    apart = chance > DISAGREE and least < 0.6 * together
-    return least if apart else together
+        spread = max(float(np.mean((log - middle) ** 2 - error)), 0.0)
+    return spread, middle
 
 
-def _level(variance: Array, size: Array, typical: float) -> tuple[float, float, Array]:
-    """floor^2, share^2 and the windows that are noise and nothing else."""
-    relative = (size / typical) ** 2
-    floor2 = float(np.quantile(variance, 0.4))
-    share2 = 0.0
-    kept = np.ones(len(variance), bool)
-    for _ in range(8):
-        expected = floor2 + share2 * relative
-        ratio = variance / expected
-        kept = ratio < 2.5
-        if kept.sum() < 4:
-            kept = ratio <= np.sort(ratio)[min(3, len(ratio) - 1)]
-        # Gamma likelihood by reweighting, both terms not negative.
-        w = 1 / expected[kept]
-        a = np.stack([w, relative[kept] * w], axis=1)
-        y = variance[kept] * w
-        flat = float(y @ w / (w @ w))
-        floor2, share2 = flat, 0.0
-        if kept.sum() >= 12 and np.ptp(relative[kept]) > 0.2:
-            g = np.linalg.lstsq(a, y, rcond=None)[0]
-            if g[0] > 0.02 * flat and g[1] > 0.5 * g[0]:
-                floor2, share2 = float(g[0]), float(g[1])
-        floor2 = max(floor2, 1e-24)
-    return floor2, share2 / typical**2, kept
-
-
-def _short(residual: Array, stress: Array, time: Array, step: float) -> Noise:
+def _short(residual: Array, stress: Array, step: float) -> Noise:
     """A few samples: third differences, taken as white."""
     x = residual[np.isfinite(residual)]
     if len(x) >= 5:
         rough = np.median(np.abs(np.diff(x, 3))) / 0.6745 / np.sqrt(20)
     else:
         rough = 0.01 * float(np.nanmax(np.abs(stress)))
-    floor = max(float(rough), 1e-12)
-    return Noise(floor, 0.0, step, 0.0, 0.0, 0)
+    least = 1e-9 * float(np.nanmax(np.abs(stress), initial=0.0)) + 1e-300
+    return Noise(max(float(rough), least), 0.0, step)

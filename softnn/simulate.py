@@ -69,6 +69,13 @@ def reach(
     return signal
 
 
+def to_model(signal: Signal) -> Chunk:
+    """What the model gets of one set: strains, and the time its branches go by."""
+    own = signal.branch_time_s
+    time = signal.time_s if own is None else own[:, 0]
+    return Chunk(time, signal.strain[:, 0], None, signal.branch_strain[:, 0])
+
+
 def measured(
     terms: Sequence[Term],
     values: Sequence[Mapping[str, Array]],
@@ -140,10 +147,7 @@ def simulate(
             memory, state = {}, None
         values = [own[r] for own in every]
         signal = reach(terms, values, chunk, memory)
-        inner = Chunk(
-            chunk.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]
-        )
-        springs, branches, state = units.respond(inner, state)
+        springs, branches, state = units.respond(to_model(signal), state)
         signal = replace(
             signal,
             equilibrium=(springs @ k[: units.segments])[:, None],

@@ -29,7 +29,7 @@ import numpy as np
 import pandas as pd
 
 from softnn.contracts import InputError
-from softnn.mismatch import diagnose, diagnosis, explain, read_case
+from softnn.mismatch import accounts, diagnose, diagnosis, read_case
 from studies.common import (
     COLOURS,
     guarded,
@@ -122,26 +122,26 @@ def unthinned() -> Iterator[None]:
 @contextmanager
 def pool_of(names: Sequence[str]) -> Iterator[None]:
     """Only these effects are candidates, as far as the recordings could show them."""
-    usual = explain.candidates
+    usual = accounts.candidates
 
     def fewer(*arguments: Any) -> Any:
         return [e for e in usual(*arguments) if e.id in names]
 
-    with mock.patch.object(explain, "candidates", fewer):
+    with mock.patch.object(accounts, "candidates", fewer):
         yield
 
 
 def pools(one: Specimen, folder: Path, sizes: Sequence[int]) -> list[list[str]]:
     """Growing choices among what the case could show, the planted effect first."""
     shown: list[str] = []
-    usual = explain.candidates
+    usual = accounts.candidates
 
     def listen(*arguments: Any) -> Any:
         found = usual(*arguments)
         shown[:] = [e.id for e in found]
         return found
 
-    with mock.patch.object(explain, "candidates", listen):
+    with mock.patch.object(accounts, "candidates", listen):
         diagnose(read_case(folder))
     rng = np.random.default_rng(len(shown))
     others = [str(n) for n in rng.permutation(shown) if n != one.effect]

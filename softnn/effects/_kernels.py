@@ -257,3 +257,33 @@ def ageing(step, increment, strength, time, travel, carried, out):
                 z = goal + (z - goal) * np.exp(-4.0 * way / reach)
             out[i, s] = z
         carried[s, 0], carried[s, 1] = m, z
+
+
+@numba.njit(cache=True)
+def ringing(step, force, omega, zeta, carried, out):
+    """Force (n, sets) behind mass and mount; carried (2, sets): it and its rate.
+
+    Each step is exact for a force that stands still at the mean of its ends.
+    """
+    n, sets = force.shape
+    for s in range(sets):
+        x, v = carried[0, s], carried[1, s]
+        decay, square = zeta[s] * omega[s], omega[s] ** 2
+        last = force[0, s]
+        for i in range(n):
+            h = step[i]
+            u = 0.5 * (last + force[i, s])
+            last = force[i, s]
+            y = x - u
+            gap = square - decay * decay
+            w = np.sqrt(max(abs(gap), 1e-9 * square))
+            if gap > 0:
+                e = np.exp(-decay * h)
+                c, q = e * np.cos(w * h), e * np.sin(w * h) / w
+            else:
+                slow, fast = np.exp((w - decay) * h), np.exp(-(w + decay) * h)
+                c, q = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
+            x = u + y * c + (v + decay * y) * q
+            v = v * c - (square * y + decay * v) * q
+            out[i, s] = x
+        carried[0, s], carried[1, s] = x, v

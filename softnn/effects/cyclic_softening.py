@@ -29,7 +29,7 @@ class CyclicSoftening(Effect):
     stage = "material"
     on_return = True
     ports = ("equilibrium", "branches")
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("loss", "-", -0.2, 0.6, 0.12, meaning="c, share a decade of cycles"),
     )
     off = {"loss": 0.0}
@@ -43,7 +43,7 @@ class CyclicSoftening(Effect):
 
     @property
     def second_forms(self):
-        return (TravelSoftening(),)
+        return (TravelSoftening(), SaturatingSoftening())
 
     def count(self, signal, state):
         from softnn.effects._kernels import reversals
@@ -54,9 +54,13 @@ class CyclicSoftening(Effect):
         reversals(strain, BAND, state, out)
         return out / 2, state
 
+    def grown(self, p, number):
+        """How far the loss has come after so many cycles."""
+        return np.log10(1 + number)
+
     def after(self, p, signal, state):
         number, state = self.count(signal, state)
-        factor = np.maximum(1 - p["loss"] * np.log10(1 + number), 0.05)
+        factor = np.maximum(1 - p["loss"] * self.grown(p, number), 0.05)
         new = replace(
             signal,
             equilibrium=signal.equilibrium * factor,
@@ -84,3 +88,22 @@ class TravelSoftening(CyclicSoftening):
         # The first rise is no cycle yet: any test starts with half a range of travel.
         number = np.maximum(number - 0.5, 0.0)
         return number, (signal.strain[-1:], travel[-1:], low[-1:], high[-1:])
+
+
+class SaturatingSoftening(CyclicSoftening):
+    r"""The same where it comes to an end after some cycles.
+
+    .. math:: \sigma \to \sigma \left(1 - c\,(1 - e^{-N / N_0})\right)
+
+    N_0 cycles. Cyclic stress softening of filled rubber that levels off, Asare, Thomas
+    and Busfield 2009, doi:10.5254/1.3548263.
+    """
+
+    parameters = (
+        *CyclicSoftening.parameters,
+        Parameter("cycles", "-", 0.2, 1e5, 4.0, "log", "N_0"),
+    )
+    shape = ("cycles",)
+
+    def grown(self, p, number):
+        return -np.expm1(-number / p["cycles"])

@@ -29,6 +29,7 @@ class GainError(Effect):
     amplitude = "error"
     per_recording = ("error",)
     some = True
+    scatter = True
     where = "all through some recordings, in proportion to the stress"
     twins = {
         "thermal_softening": "one recording over which the temperature changes",

@@ -43,7 +43,7 @@ class Inertia(Effect):
 
     @property
     def second_forms(self):
-        return (CompliantMount(),)
+        return (CompliantMount(), RingingMount())
 
     @staticmethod
     def acceleration(signal, state):
@@ -107,3 +107,51 @@ class CompliantMount(Inertia):
     def starts(self, scales):
         late = float(np.clip(0.5 * scales.interval_s, 2e-4, 5.0))
         return [s | {"mount_s": late} for s in super().starts(scales)]
+
+
+class RingingMount(Inertia):
+    r"""The same where mass and mount ring at a frequency of their own.
+
+    .. math:: \ddot f + 2 \zeta \omega \dot f + \omega^2 f
+              = \omega^2 m\,\ddot\varepsilon,
+              \quad \omega = 2 \pi f_0
+
+    resonance f_0 in Hz, damping zeta. Load cells, Fujii 2003,
+    doi:10.1088/0957-0233/14/9/313.
+    """
+
+    parameters = Inertia.parameters + (
+        Parameter("resonance_Hz", "Hz", 1e-2, 1e4, 20.0, "log", "f_0"),
+        Parameter("damping", "-", 0.01, 2.0, 0.2, "log", "zeta"),
+    )
+    shape = ("resonance_Hz", "damping")
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import ringing
+
+        force = self.acceleration(signal, state)
+        omega, zeta = 2 * np.pi * p["resonance_Hz"], p["damping"]
+        sets = max(force.shape[1], omega.size, zeta.size)
+        force = np.ascontiguousarray(np.broadcast_to(force, (len(force), sets)))
+        last, carried = (
+            (signal.time_s[0], np.zeros((2, sets))) if state is None else state
+        )
+        carried = np.broadcast_to(carried, (2, sets)).copy()
+        out = np.empty_like(force)
+        step = np.diff(signal.time_s, prepend=last)
+        ringing(
+            step,
+            force,
+            np.broadcast_to(omega, (sets,)),
+            np.broadcast_to(zeta, (sets,)),
+            carried,
+            out,
+        )
+        new = replace(signal, stress=signal.stress + p["mass"] * out)
+        return new, (signal.time_s[-1], carried)
+
+    def starts(self, scales):
+        rate = float(np.clip(0.1 / scales.interval_s, 0.1, 1e3))
+        return [
+            s | {"resonance_Hz": rate, "damping": 0.2} for s in super().starts(scales)
+        ]

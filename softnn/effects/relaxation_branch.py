@@ -25,11 +25,12 @@ class RelaxationBranch(Effect):
 
     stage = "material"
     ports = ("branches",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.3, meaning="E"),
         Parameter("relaxation_time_s", "s", 1e-4, 1e7, 3.0, "log", "tau"),
     )
     off = {"stiffness_MPa": 0.0}
+    part_of = ("wiechert", "pl-wiechert")
     amplitude = "stiffness_MPa"
     where = "in holds and after every change of rate"
     twins = {
@@ -38,6 +39,10 @@ class RelaxationBranch(Effect):
         "sensor_lag": "ramps at rates two decades apart",
         "nonlinear_viscosity": "holds at several strains",
     }
+
+    @property
+    def second_forms(self):
+        return (SpreadBranch(), TwoBranches())
 
     def after(self, p, signal, state):
         from softnn.effects._kernels import maxwell
@@ -66,3 +71,58 @@ class RelaxationBranch(Effect):
 
     def telltale(self):
         return ramps([0, 0.5, 0.5, 0.2, 0.2, 0.5, 0], [0.5, 1, 0.1, 1, 0.02, 0.1])
+
+
+SPREAD = np.array([-1.5, -0.75, 0.0, 0.75, 1.5])  # standard deviations
+
+
+class SpreadBranch(RelaxationBranch):
+    r"""Several times about one, as a stretched exponential has.
+
+    .. math:: E \sum_k w_k\, e^{-t / \tau_k}, \quad
+              \log_{10} \tau_k = \log_{10} \tau + s\,z_k
+
+    width s in decades, w_k of a normal law at z_k. Kohlrausch 1854,
+    doi:10.1002/andp.18541670103; a log-normal spectrum after Wiechert 1893.
+    """
+
+    parameters = (
+        *RelaxationBranch.parameters,
+        Parameter("width_decades", "-", 0.0, 1.5, 0.5, meaning="s"),
+    )
+    shape: tuple[str, ...] = ("width_decades",)
+
+    def parts(self, p):
+        """Shares of the stiffness and times of the branches it is made of."""
+        weight = np.exp(-(SPREAD**2) / 2)
+        times = [
+            p["relaxation_time_s"] * 10 ** (z * p["width_decades"]) for z in SPREAD
+        ]
+        return zip(weight / weight.sum(), times, strict=True)
+
+    def after(self, p, signal, state):
+        total, states = signal.branches, []
+        for k, (share, time) in enumerate(self.parts(p)):
+            own = {
+                "stiffness_MPa": share * p["stiffness_MPa"],
+                "relaxation_time_s": np.clip(time, 1e-6, 1e9),
+            }
+            new, last = super().after(own, signal, state and state[k])
+            total = total + (new.branches - signal.branches)
+            states.append(last)
+        return replace(signal, branches=total), states
+
+
+class TwoBranches(SpreadBranch):
+    r"""Two times: share w of the stiffness relaxes `ratio` times as slowly."""
+
+    parameters = (
+        *RelaxationBranch.parameters,
+        Parameter("share", "-", 0.0, 1.0, 0.5, meaning="w"),
+        Parameter("ratio", "-", 2.0, 1e4, 10.0, "log", "of the times"),
+    )
+    shape = ("share", "ratio")
+
+    def parts(self, p):
+        time = p["relaxation_time_s"]
+        return ((1 - p["share"], time), (p["share"], p["ratio"] * time))

@@ -38,15 +38,20 @@ class TensionOnly(Effect):
 
     @property
     def second_forms(self):
-        return (CrookedStrip(),)
+        return (CrookedStrip(), SlackStrip())
 
     def kept(self, p, pushed):
         """Share of a stress of `pushed` MPa in compression that is not lost."""
         return 1 - p["amount"]
 
+    def pushed(self, signal):
+        """Where a strip gives way, (n, sets)."""
+        return signal.equilibrium + signal.branches < 0
+
     def after(self, p, signal, state):
         stress = signal.equilibrium + signal.branches
-        factor = np.where(stress < 0, self.kept(p, np.maximum(-stress, 0)), 1.0)
+        kept = self.kept(p, np.maximum(-stress, 0))
+        factor = np.where(self.pushed(signal), kept, 1.0)
         new = replace(
             signal,
             equilibrium=signal.equilibrium * factor,
@@ -84,3 +89,16 @@ class CrookedStrip(TensionOnly):
     def starts(self, scales):
         bears = float(np.clip(0.01 * scales.stress_MPa, 1e-9, 1e6))
         return [s | {"buckling_MPa": bears} for s in super().starts(scales)]
+
+
+class SlackStrip(TensionOnly):
+    r"""The same for what hangs loose when it is shorter than at rest.
+
+    .. math:: \sigma \to (1 - \kappa)\,\sigma \quad \text{where} \quad \varepsilon < 0
+
+    A membrane wrinkles by its strain, whatever its branches still bear (Roddeman et al.
+    1987, doi:10.1115/1.3173134).
+    """
+
+    def pushed(self, signal):
+        return signal.strain < 0

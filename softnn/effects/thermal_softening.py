@@ -26,7 +26,7 @@ class ThermalSoftening(Effect):
     """
 
     stage = "material"
-    ports = ("equilibrium", "branches")
+    ports: tuple[str, ...] = ("equilibrium", "branches")
     parameters = (Parameter("softening_per_C", "1/degC", -0.1, 0.1, 0.01, meaning="c"),)
     off = {"softening_per_C": 0.0}
     amplitude = "softening_per_C"
@@ -38,13 +38,13 @@ class ThermalSoftening(Effect):
         "gain_error": "one recording over which the temperature changes",
     }
 
-    def factor(self, p, warmer):
-        return np.exp(-p["softening_per_C"] * warmer)
+    @property
+    def second_forms(self):
+        return (ThermalSpring(), ThermalBranches(), ThermalClock())
 
-    def after(self, p, signal, state):
+    def warmer(self, signal, state):
+        """Temperature above the reference (n,), gaps filled with the last one known."""
         if signal.temperature_C is None:
-            if np.all(p["softening_per_C"] == 0):
-                return signal, None
             raise InputError(
                 "thermal_softening needs a column temperature_C; record the temperature"
             )
@@ -54,13 +54,18 @@ class ThermalSoftening(Effect):
             last = np.maximum.accumulate(np.where(bad, -1, np.arange(len(warmer))))
             known = 0.0 if state is None else state
             warmer = np.where(last < 0, known, warmer[np.maximum(last, 0)])
+        return warmer
+
+    def factor(self, p, warmer):
+        return np.exp(-p["softening_per_C"] * warmer)
+
+    def after(self, p, signal, state):
+        if signal.temperature_C is None and np.all(p["softening_per_C"] == 0):
+            return signal, None
+        warmer = self.warmer(signal, state)
         factor = self.factor(p, warmer[:, None])
-        new = replace(
-            signal,
-            equilibrium=signal.equilibrium * factor,
-            branches=signal.branches * factor,
-        )
-        return new, warmer[-1]
+        parts = {port: getattr(signal, port) * factor for port in self.ports}
+        return replace(signal, **parts), warmer[-1]
 
     def starts(self, scales):
         return [{"softening_per_C": 0.01}]
@@ -69,3 +74,50 @@ class ThermalSoftening(Effect):
         plain = cycles([0.5] * 6, 0.05)
         warm = 23 + 10 * np.sin(plain.time_s / 17)
         return Chunk(plain.time_s, plain.strain, warm)
+
+
+class ThermalSpring(ThermalSoftening):
+    """The same in the spring alone, whose stiffness is that of entropy."""
+
+    ports = ("equilibrium",)
+
+
+class ThermalBranches(ThermalSoftening):
+    """The same in the branches alone."""
+
+    ports = ("branches",)
+
+
+class ThermalClock(ThermalSoftening):
+    r"""Branches whose times follow the temperature: time runs faster when warm.
+
+    .. math:: \dot\xi = e^{c\,(T - 23)}, \quad
+              \text{branches relax in } \xi \text{ in place of } t
+
+    The shift of Williams, Landel and Ferry 1955, doi:10.1021/ja01619a008, over a range
+    in which its logarithm is straight in temperature.
+    """
+
+    ports = ("branch_strain",)
+    parameters = (
+        Parameter("quickening_per_C", "1/degC", -1.0, 1.0, 0.08, meaning="c"),
+    )
+    off = {"quickening_per_C": 0.0}
+    amplitude = "quickening_per_C"
+    after = Effect.after
+
+    def before(self, p, signal, state):
+        pace = p["quickening_per_C"]
+        if signal.temperature_C is None and np.all(pace == 0):
+            return signal, None
+        known, last, gone = (
+            (0.0, signal.time_s[0], signal.time_s[0]) if state is None else state
+        )
+        warmer = self.warmer(signal, known)
+        step = np.diff(signal.time_s, prepend=last)[:, None]
+        passed = gone + np.cumsum(step * np.exp(pace * warmer[:, None]), axis=0)
+        new = replace(signal, branch_time_s=passed)
+        return new, (warmer[-1], signal.time_s[-1], passed[-1:])
+
+    def starts(self, scales):
+        return [{"quickening_per_C": c} for c in (0.08, 0.03)]

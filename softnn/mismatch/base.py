@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softnn.contracts import Array, InputError
-from softnn.effects import effect
+from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
 from softnn.models.units import Units, build
-from softnn.noise import Noise, estimate
+from softnn.noise import WINDOWS, Noise, estimate
 
 STAND_IN = "pl-wiechert"
 
@@ -47,16 +47,18 @@ def nuisance(data: Data, groups: Sequence[tuple[int, ...]]) -> tuple[Piece, ...]
     """A scale for each specimen but the first, where there are several."""
     if len(groups) < 2:
         return ()
-    gain = effect("gain_error")
-    zeros = {"error": np.zeros(len(data.chunks))}
-    return (Piece(gain, zeros, ("error",), tuple(groups[1:]), nuisance=True),)
+    law = next(e for e in EFFECTS if e.scatter)
+    off = {k: np.full(len(data.chunks), v) for k, v in law.off.items()}
+    return (Piece(law, off, tuple(off), tuple(groups[1:]), nuisance=True),)
 
 
-def weigh(engine: Engine, found: Fit) -> list[Noise]:
+def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:
     """Estimate the noise from what a fit leaves, and weigh by it from now on.
 
     It is read off all samples, where the search itself may use fewer: between samples
-    taken far apart the specimen moves, and noise cannot be told from that.
+    taken far apart the specimen moves, and noise cannot be told from that. `long`: of
+    memory of any length, which only an account that misses little can tell from what it
+    misses.
     """
     fine = engine.fine or engine
     stress = found.stress if fine is engine else fine.run(found.guess, False)[0]
@@ -65,6 +67,7 @@ def weigh(engine: Engine, found: Fit) -> list[Noise]:
         fine.by_recording(fine.target - stress),
         data.stress_MPa,
         [c.time_s for c in data.chunks],
+        WINDOWS if long else WINDOWS[:1],
     )
     weigh_by(engine, noise)
     return noise
@@ -79,7 +82,7 @@ def weigh_by(engine: Engine, noise: Sequence[Noise]) -> None:
         level = np.sqrt(np.nanmean(np.concatenate(sigma) ** 2))
         engine.set_noise([np.full(len(s), level) for s in sigma], None)
     else:
-        engine.set_noise(sigma, [n.correlation_s for n in noise])
+        engine.set_noise(sigma, [n.memory for n in noise])
 
 
 def baseline(

@@ -115,19 +115,13 @@ def diagnose_one(
     """Diagnose one case, write its files; the sentence to print, and whether well."""
     from softnn.mismatch import diagnose as diagnose_case
     from softnn.mismatch import read_case
-    from softnn.report import write_report
 
     try:
         case = read_case(folder)
         found = diagnose_case(case, None if model is None else _model(model), seed)
     except InputError as error:
         return str(error), False
-    target = Path(out)
-    target.mkdir(parents=True, exist_ok=True)
-    _write(target / "diagnosis.json", found.result)
-    _write(target / "model.json", found.model)
-    _write(target / "base.json", found.base_model)
-    write_report(found, target)
+    found.save(out)
     return found.summary, True
 
 
@@ -144,10 +138,12 @@ def _model(name: str) -> Any:
     return name
 
 
-def _write(path: Path, value: Any) -> None:
-    path.write_text(
-        json.dumps(_plain(value), indent=1, allow_nan=False) + "\n", encoding="utf-8"
-    )
+def write(path: Path, value: Any) -> None:
+    """JSON as this package writes it, made aside and renamed."""
+    text = json.dumps(_plain(value), indent=1, allow_nan=False) + "\n"
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    aside.write_text(text, encoding="utf-8")
+    aside.replace(path)
 
 
 def _plain(value: Any) -> Any:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from softnn.contracts import Array, Effect, InputError
-from softnn.effects import effect
+from softnn.contracts import Array, InputError
 from softnn.fit import Engine, Fit, Piece, fit
-from softnn.mismatch import locate, verify
+from softnn.mismatch import locate, verify, words
+from softnn.mismatch.accounts import Search, search
 from softnn.mismatch.base import Baseline, baseline, beyond, given, weigh_by
 from softnn.mismatch.case import (
     Case,
@@ -23,42 +24,37 @@ from softnn.mismatch.case import (
     thin,
     to_data,
 )
-from softnn.mismatch.contest import Rival, score, sponge
-from softnn.mismatch.explain import TEMPER, Explanation, explain, shown_alone
-from softnn.mismatch.forms import finer, unforgotten
-from softnn.mismatch.gates import DOUBT
-from softnn.mismatch.learn import Learned, learn, period
-from softnn.mismatch.model_file import Stored, to_dict
-from softnn.mismatch.strangers import words
-from softnn.noise import Noise
+from softnn.mismatch.learn import Learned, learn
+from softnn.mismatch.model_file import Stored, from_dict, to_dict
+from softnn.mismatch.posterior import NAMED, SURE, Posterior, posterior
 from softnn.recording import data_hash
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from softnn.neural import StoredNetwork
 
 VERSION = 1
 SEARCH = 1000  # samples a recording while searching
 REPORT = 6000  # samples a recording for regions, figures and errors
-EXPLAINED, PARTLY = 0.03, 0.5  # share of the excess left, at most
-MUCH = 0.2  # of the excess left: what explains four fifths may be only near the truth
-ANY_FORM = 0.02  # and the share left by the effects in any form
-WHITE, COLOURED = 0.03, 0.05  # excess within which noise of that kind is known
-LINE = 3.0  # times the power that noise may show at one period, which is no noise
-BEAT = 4.0  # the same for what is left, whose form may repeat with the cycles
-FAINT = 3.0  # excess of the base, up to which its error is within twice the noise
-STRANGE = 20.0  # odds from which on what is there is on no list
+NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
+HELPS = 1 / 3  # of the held-out error over the noise, that an explanation takes away
 FEWEST = 30  # samples in all, below which nothing is told apart
 DEFAULT = "pl-wiechert"
 
 
 @dataclass
 class Diagnosis:
-    """What `softnn diagnose` writes, and what its figures need."""
+    """What was left out, how sure that is, and the corrected model.
+
+    Arrays are lists of one (n,) a recording: time in s, strain, stress in MPa measured
+    and simulated before and after the correction.
+    """
 
     case: Case
-    result: dict[str, Any]
-    model: dict[str, Any]
-    base_model: dict[str, Any]
+    result: dict[str, Any]  # diagnosis.json
+    model_json: dict[str, Any]
+    base_json: dict[str, Any]
     time_s: list[Array]
     strain: list[Array]
     measured: list[Array]
@@ -67,7 +63,56 @@ class Diagnosis:
 
     @property
     def summary(self) -> str:
+        """The answer in a sentence or two, with how sure it is."""
         return str(self.result["summary"])
+
+    @property
+    def verdict(self) -> str:
+        """explained, partly_explained, unexplained, nothing_missing or undetermined."""
+        return str(self.result["verdict"])
+
+    @property
+    def selected(self) -> list[str]:
+        """Ids of the effects named: those of probability 0.5 or more."""
+        return list(self.result["selected"])
+
+    @property
+    def probability(self) -> dict[str, float]:
+        """Probability of every effect that was tried."""
+        rows = self.result["candidates"]
+        return {r["effect"]: r["probability"] for r in rows if r["effect"] is not None}
+
+    @property
+    def model(self) -> Stored:
+        """The corrected model; `model.simulate(recording)` gives its stress."""
+        stored = from_dict(self.model_json)
+        assert isinstance(stored, Stored)
+        return stored
+
+    def to_frame(self) -> pd.DataFrame:
+        """The candidates, a row each, the likeliest first."""
+        import pandas as pd
+
+        return pd.DataFrame(self.result["candidates"])
+
+    def report(self, path: str | Path) -> Path:
+        """Write report.html and its pictures into the folder `path`; the page."""
+        from softnn.report import write_report
+
+        Path(path).mkdir(parents=True, exist_ok=True)
+        return write_report(self, path)[-1]
+
+    def save(self, folder: str | Path) -> Path:
+        """Write diagnosis.json, model.json, base.json and the report into `folder`."""
+        from softnn.mismatch.commands import write
+
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        write(target / "model.json", self.model_json)
+        write(target / "base.json", self.base_json)
+        self.report(target)
+        write(target / "diagnosis.json", self.result)  # last: it says all is there
+        return target
 
 
 def diagnose(
@@ -93,58 +138,50 @@ def _diagnose(
     source = None
     if chosen is not None and not isinstance(chosen, str):
         source = chosen.source
-        case = _simulated_by(case, chosen)
+        case = replace(_simulated_by(case, chosen), model=None)
         chosen = None
     elif chosen is not None:
         check_model(chosen)
-    masked = mask_failure(mask_gaps(case))
-    short = thin(masked, SEARCH)
-    base = _base(short, thin(masked, REPORT), chosen)
-    found = explain(base, rng)
-    found.line = regular(found)
-    found, verdict, names = judged(base, found)
-    full = _at_full(thin(masked, REPORT), base, found)
-    if names and worse(base, found):
-        verdict, names = "unexplained", []
+    base = start(case, chosen)
+    found = search(base)
+    told = Told(found, posterior(found.accounts))
+    full = _Full.of(usable(case, REPORT), told)
     learned = None
-    if verdict in ("nothing_missing", "unexplained"):
-        learned = _structure(base, found, rng, verdict)
-        if learned is not None and verdict == "nothing_missing":
-            verdict = "unexplained"
-    if len(base.engine.target) < FEWEST or not told(base.engine, found, verdict):
-        verdict, names = "undetermined", []
-    accepted = verdict in ("explained", "partly_explained")
-    result = _result(case, base, found, full, verdict, names, learned, rng)
+    if told.verdict == "unexplained":
+        learned = learn(base.engine, base.fit, rng)
+    result = _result(case, told, full, learned, rng)
     result["seconds"] = round(time.perf_counter() - clock, 3)
-    recordings = [r.name for r in case.recordings]
-    corrected = full.after.guess if accepted else full.before.guess
-    extra = learned.to_dict() if learned is not None and not accepted else None
-    after = full.engine.by_recording(
-        full.after.stress if accepted else full.before.stress
-    )
+    names = [r.name for r in case.recordings]
+    corrected = full.after if told.names else full.before
+    extra = learned.to_dict() if learned is not None and not told.names else None
+
+    def stored(one: Fit, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        return to_dict(one.guess, names, case.history, base.fixed, extra, source)
+
     return Diagnosis(
         case,
         result,
-        to_dict(corrected, recordings, case.history, base.fixed, extra, source),
-        to_dict(
-            full.before.guess,
-            recordings,
-            case.history,
-            base.fixed,
-            simulation=source,
-        ),
+        stored(corrected, extra),
+        stored(full.before),
         [c.time_s for c in full.engine.data.chunks],
         [c.strain for c in full.engine.data.chunks],
         list(full.engine.data.stress_MPa),
         full.engine.by_recording(full.before.stress),
-        after,
+        full.engine.by_recording(corrected.stress),
     )
 
 
-def _base(case: Case, finer: Case, model: str | None) -> Baseline:
-    data, fine = to_data(case), to_data(finer)
+def usable(case: Case, samples: int) -> Case:
+    """What can be used of a case, at most about so many samples a recording."""
+    return thin(mask_failure(mask_gaps(case)), samples)
+
+
+def start(case: Case, model: str | None = None) -> Baseline:
+    """The base of a case at its best: what a search starts from."""
+    data, fine = to_data(usable(case, SEARCH)), to_data(usable(case, REPORT))
     if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
+    model = model or (case.model if isinstance(case.model, str) else None)
     if data.simulated_MPa is not None and model is None:
         return given(data, data.simulated_MPa, case.groups(), fine)
     return baseline(data, model or DEFAULT, case.groups(), fine)
@@ -160,6 +197,75 @@ def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
     return replace(case, simulated_MPa=tuple(stress))
 
 
+class Told:
+    """What is said of a search: verdict and names, and the account they stand on."""
+
+    def __init__(self, found: Search, probable: Posterior) -> None:
+        self.found, self.probable = found, probable
+        self.base, self.engine = found.base, found.base.engine
+        self.account = probable.best
+        self.final = self.account.fit
+        self.before = verify.heldout(self.engine, self.base.fit)
+        self.after = verify.heldout(self.engine, self.final)
+        self.squares = float(np.sum(self.engine.target**2))
+        self.floor = float(np.sqrt(np.sum(self.engine.sigma**2) / self.squares))
+        self.names = self._names()
+        self.verdict = self._verdict()
+
+    def _names(self) -> list[str]:
+        """The selected effects in the order in which they act, if they may be named."""
+        if self.account.effects != self.probable.selected or not self.tellable:
+            return []
+        pieces = self.final.guess.pieces
+        names = [p.effect.id for p in pieces if not p.nuisance]
+        return names if names and self.helps else []
+
+    @property
+    def tellable(self) -> bool:
+        """Whether these recordings can show what was selected.
+
+        On first loading most physics looks alike: softening, set and friction are a
+        spring there. What a rig or a channel does can still be told.
+        """
+        if len(self.engine.target) < FEWEST:
+            return False
+        pieces = [p for p in self.final.guess.pieces if not p.nuisance]
+        material = any(p.effect.stage == "material" for p in pieces)
+        return not (material and locate.only_loading(self.engine))
+
+    @property
+    def helps(self) -> bool:
+        """Whether recordings left out are foretold better, by more than a little."""
+        old, new = self.before[0].sum(), self.after[0].sum()
+        least = float(np.sum(self.engine.sigma**2))
+        return bool(old - new > HELPS * max(old - least, 0.0))
+
+    @property
+    def left(self) -> float:
+        """Misfit over noise, a sample, that the account leaves."""
+        return self.final.chi2 / len(self.engine.target) - 1
+
+    def _verdict(self) -> str:
+        probable = self.probable
+        if len(self.engine.target) < FEWEST:
+            return "undetermined"
+        if self.names:
+            least = min(probable.effects[n] for n in self.names)
+            if least < SURE:
+                return "undetermined"
+            beside = probable.other > NAMED or self.left > NEAR
+            return "partly_explained" if beside else "explained"
+        if probable.nothing >= NAMED:
+            return "nothing_missing"
+        if probable.nothing_named >= NAMED:
+            return "unexplained"
+        return (
+            "undetermined"
+            if self.tellable and not probable.selected
+            else ("unexplained" if self.tellable else "undetermined")
+        )
+
+
 @dataclass
 class _Full:
     """The two simulations at the resolution of the report."""
@@ -168,103 +274,21 @@ class _Full:
     before: Fit
     after: Fit
 
+    @classmethod
+    def of(cls, case: Case, told: Told) -> _Full:
+        base = told.base
+        data = to_data(case)
+        engine = Engine(data)
+        if base.fixed and data.simulated_MPa is not None:
+            engine = beyond(data, data.simulated_MPa, base.fit.guess)
+        weigh_by(engine, told.found.noise)
+        before = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=2)
+        after = fit(engine, told.final.guess, fixed_base=base.fixed, iterations=3)
+        return cls(engine, before, after)
 
-def _at_full(case: Case, base: Baseline, found: Explanation) -> _Full:
-    data = to_data(case)
-    engine = Engine(data)
-    if base.fixed and data.simulated_MPa is not None:
-        engine = beyond(data, data.simulated_MPa, base.fit.guess)
-    engine.body = base.engine.body
-    weigh_by(engine, found.noise)
-    before = fit(engine, base.fit.guess, fixed_base=base.fixed, iterations=2)
-    after = fit(engine, found.final.guess, fixed_base=base.fixed, iterations=3)
-    return _Full(engine, before, after)
-
-
-def judged(base: Baseline, found: Explanation) -> tuple[Explanation, str, list[str]]:
-    """What is told, its verdict and names.
-
-    What recordings show by themselves is told though the rest is not explained, unless
-    that is rather something on no list.
-    """
-    verdict, names = _verdict(base, found)
-    if verdict == "unexplained" and found.shown and not strange(found):
-        found = shown_alone(found)
-        return found, "partly_explained", found.selected
-    return found, verdict, names
-
-
-def _verdict(base: Baseline, found: Explanation) -> tuple[str, list[str]]:
-    if not found.steps:
-        return "nothing_missing", []
-    if strange(found):
-        return "unexplained", []
-    if clear(found):
-        return "explained", found.selected
-    if found.left < PARTLY or found.excess_after < DOUBT:
-        return "partly_explained", found.selected
-    return "unexplained", []
-
-
-def strange(found: Explanation) -> bool:
-    """Whether what is there is rather something on no list."""
-    return found.odds_of_strangers > STRANGE
-
-
-def told(engine: Engine, found: Explanation, verdict: str) -> bool:
-    """Whether these recordings can show what was named.
-
-    On first loading most physics looks alike: softening, set and friction are a spring
-    there. What a rig or a channel does is told where nothing else is left.
-    """
-    if not found.steps or not locate.only_loading(engine):
-        return True
-    laws = (p.effect for p in found.final.guess.pieces if not p.nuisance)
-    return verdict == "explained" and all(law.stage != "material" for law in laws)
-
-
-def worse(base: Baseline, found: Explanation) -> bool:
-    """Whether recordings left out are foretold worse with the effects, for certain."""
-    before, _ = verify.heldout(base.engine, base.fit)
-    after, _ = verify.heldout(base.engine, found.final)
-    _, low, _ = verify.ratio_interval(before, after, np.random.default_rng(0))
-    return low > 1
-
-
-def clear(found: Explanation) -> bool:
-    """Whether what is left is as good as noise, as far as the noise itself is known."""
-    colour = float(np.median([n.correlation for n in found.noise]))
-    doubt = WHITE + COLOURED * max(colour - 0.3, 0.0)
-    bent = max(found.excess_bent, 0.0) / max(found.excess_before, 1e-9)
-    formed = found.left < EXPLAINED and bent < ANY_FORM
-    return (formed or found.excess_after < doubt) and found.line < BEAT
-
-
-def regular(found: Explanation) -> float:
-    """What an explanation leaves at one period, over what noise may show there."""
-    if not found.steps:
-        return 0.0
-    engine = found.base.engine
-    left, _ = unforgotten(engine, found.final)
-    line = period(engine, left, np.random.default_rng(0))
-    return float(line["power"] / line["threshold"]) if line else 0.0
-
-
-def _structure(
-    base: Baseline, found: Explanation, rng: np.random.Generator, verdict: str
-) -> Learned | None:
-    """A learned correction where the residual of the base holds more than noise."""
-    if len(base.engine.target) < FEWEST:
-        return None
-    fine = finer(base.engine, base.fit)
-    _, top, threshold = locate.scan(base.engine, fine, rng)
-    if verdict == "nothing_missing" and top < 1.5 * threshold:
-        # A hum passes for the colour of the noise; its line stands out all the same.
-        # What nobody wrote down leaves slow curves, which are no hum.
-        line = period(base.engine, unforgotten(base.engine, fine)[0], rng)
-        if line is None or line["power"] < LINE * line["threshold"]:
-            return None
-    return learn(base.engine, base.fit, rng)
+    def nrmse(self, one: Fit) -> float:
+        miss = self.engine.target - one.stress
+        return float(np.sqrt(np.sum(miss**2) / np.sum(self.engine.target**2)))
 
 
 # --- what is written ------------------------------------------------------------------
@@ -272,60 +296,56 @@ def _structure(
 
 def _result(
     case: Case,
-    base: Baseline,
-    found: Explanation,
+    told: Told,
     full: _Full,
-    verdict: str,
-    names: list[str],
     learned: Learned | None,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    accepted = bool(names)
-    engine = full.engine
-    sigma = engine.sigma
-    miss = engine.target - full.before.stress
-    if accepted:
-        moved = locate.action(engine, full.after)
-        mask = np.abs(moved) > locate.SIGMAS * sigma
-        regions = locate.regions(engine, mask, moved**2, moved)
-    elif verdict == "unexplained":
-        mask, _, _ = locate.scan(engine, full.before, rng)
-        regions = locate.regions(engine, mask, miss**2, miss)
-    else:
-        regions = []
-    e0, s0 = verify.heldout(base.engine, base.fit)
-    e1, s1 = verify.heldout(base.engine, found.final) if accepted else (e0, s0)
-    ratio, low, high = verify.ratio_interval(e0, e1, rng)
-    squares = float(np.sum(engine.target**2))
-    floor = float(np.sqrt(np.sum(sigma**2) / max(squares, 1e-300)))
-    before = float(np.sqrt(np.sum(miss**2) / squares))
-    left = engine.target - full.after.stress
-    after = float(np.sqrt(np.sum(left**2) / squares)) if accepted else before
-    explanations = _explanations(case, found, full, names) if accepted else []
+    names, probable = told.names, told.probable
+    after, left = (told.after, full.after) if names else (told.before, full.before)
+    ratio, low, high = verify.ratio_interval(told.before[0], after[0], rng)
     result: dict[str, Any] = {
         "case": case.name,
         "data_sha256": data_hash(case.recordings),
-        "model": base.name,
+        "model": told.base.name,
         "version": VERSION,
-        "verdict": verdict,
+        "verdict": told.verdict,
         "summary": "",
         "selected": names,
-        "noise": _noise(found.noise, engine),
-        "mismatch": regions,
-        "explanations": explanations,
+        "noise": _noise(told),
+        "mismatch": _regions(told, full, rng),
+        "explanations": [
+            _explanation(told, full, i, piece)
+            for i, piece in enumerate(full.after.guess.pieces)
+            if not piece.nuisance and piece.effect.id in names
+        ],
+        "probabilities": {
+            "nothing": round(probable.nothing, 4),
+            "on_no_list": round(probable.nothing_named, 4),
+            "something_else_too": round(probable.other - probable.nothing_named, 4),
+        },
+        "ways": [
+            {"effects": sorted(s), "probability": round(p, 4)}
+            for s, p in probable.ways()
+        ],
         "fit": {
-            "before": {"nrmse": before, "heldout_nrmse": verify.nrmse_of(e0, s0)},
-            "after": {"nrmse": after, "heldout_nrmse": verify.nrmse_of(e1, s1)},
+            "before": {
+                "nrmse": full.nrmse(full.before),
+                "heldout_nrmse": verify.nrmse_of(*told.before),
+            },
+            "after": {
+                "nrmse": full.nrmse(left),
+                "heldout_nrmse": verify.nrmse_of(*after),
+            },
             "heldout_ratio": ratio,
             "heldout_ratio_95": [low, high],
-            "noise_nrmse": floor,
+            "noise_nrmse": told.floor,
             "residual_correlation": verify.whiteness(
-                base.engine, found.final if accepted else base.fit
+                told.engine, told.final if names else told.base.fit
             ),
-            "share_left": found.left if accepted else 1.0,
         },
-        "next_recording": _next(found, names),
-        "candidates": _candidates(base, found),
+        "next_recording": words.next_recording(told),
+        "candidates": _candidates(told),
         "structure": None
         if learned is None
         else {
@@ -334,264 +354,91 @@ def _result(
             "period": learned.period,
         },
     }
-    result["summary"] = _summary(result, found, names)
+    result["summary"] = words.summary(result, told)
     return result
 
 
-def _noise(noise: Sequence[Noise], engine: Engine) -> dict[str, Any]:
+def _noise(told: Told) -> dict[str, Any]:
+    noise = told.found.noise
     return {
-        "sigma_MPa": float(np.sqrt(np.mean(engine.sigma**2))),
+        "sigma_MPa": float(np.sqrt(np.mean(told.engine.sigma**2))),
         "correlation_time_s": float(np.median([n.correlation_s for n in noise])),
         "share_of_stress": float(np.median([n.share for n in noise])),
         "step_MPa": float(max(n.step_MPa for n in noise)),
     }
 
 
-def _explanations(
-    case: Case, found: Explanation, full: _Full, names: list[str]
-) -> list[dict[str, Any]]:
-    limits = verify.intervals(full.after)
-    out = []
-    for index, piece in enumerate(full.after.guess.pieces):
-        if piece.nuisance or piece.effect.id not in names:
-            continue
-        law = piece.effect
-        parameters: dict[str, Any] = {}
-        for p in law.parameters:
-            value = piece.values[p.name]
-            if not np.ndim(value):
-                low, high = verify.profiled(
-                    full.engine, full.after, index, p.name, limits
-                )
-                parameters[p.name] = {
-                    "value": float(value),
-                    "low": float(low),
-                    "high": float(high),
-                    "unit": p.unit,
-                }
-                continue
-            for group in piece.groups:
-                low, high = limits.get((index, p.name, group), (np.nan, np.nan))
-                for r in group:
-                    parameters[f"{p.name} of {full.engine.data.names[r]}"] = {
-                        "value": float(value[r]),
-                        "low": float(low),
-                        "high": float(high),
-                        "unit": p.unit,
-                    }
-        rivals = found.beside.get(law.id) or next(
-            (s.rivals for s in found.steps if s.rivals[0].effect == law.id), found.first
-        )
-        same = equivalent(found, rivals, law)
-        bare = replace(
-            full.after.guess,
-            pieces=tuple(q for q in full.after.guess.pieces if q is not piece),
-        )
-        without, _ = full.engine.run(bare, False)
-        acts = np.abs(full.after.stress - without) > 2 * full.engine.sigma
-        where = [
-            full.engine.data.names[r]
-            for r in range(len(full.engine.chunks))
-            if acts[full.engine.owner == r].any()
-        ]
-        refit = fit(full.engine, bare, fixed_base=full.after.fixed_base, iterations=3)
-        squares = float(np.sum(full.engine.target**2))
-        out.append(
-            {
-                "effect": law.id,
-                "stage": law.stage,
-                "form": law.form,
-                "probability": _probability(found, rivals, piece),
-                "parameters": parameters,
-                "where": law.where,
-                "equivalent": same,
-                "recordings": where,
-                "nrmse_without": float(
-                    np.sqrt(np.sum((full.engine.target - refit.stress) ** 2) / squares)
-                ),
-            }
-        )
-    return out
-
-
-def equivalent(found: Explanation, rivals: Sequence[Rival], law: Effect) -> list[str]:
-    """Rivals that reproduce the stress of the chosen effect within the noise.
-
-    The chosen one makes the recordings anew, without noise, and the rival is fitted to
-    those.
-    """
-    own = next((r for r in rivals if r.effect == law.id), None)
-    if own is None:
+def _regions(told: Told, full: _Full, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Where named effects act beyond two sigma; else where noise does not explain."""
+    engine = full.engine
+    if told.names:
+        moved = locate.action(engine, full.after)
+        mask = np.abs(moved) > locate.SIGMAS * engine.sigma
+        return locate.regions(engine, mask, moved**2, moved)
+    if told.verdict == "nothing_missing":
         return []
-    engine, limit = found.base.engine, 1.6 * found.threshold
-    out = []
-    for rival in rivals:
-        if rival.effect == law.id:
+    miss = engine.target - full.before.stress
+    mask, _, _ = locate.scan(engine, full.before, rng)
+    return locate.regions(engine, mask, miss**2, miss)
+
+
+def _explanation(told: Told, full: _Full, index: int, piece: Piece) -> dict[str, Any]:
+    law, engine = piece.effect, full.engine
+    limits = verify.intervals(full.after)
+    parameters: dict[str, Any] = {}
+
+    def write(name: str, value: float, low: float, high: float, unit: str) -> None:
+        numbers = {"value": float(value), "low": float(low), "high": float(high)}
+        parameters[name] = numbers | {"unit": unit}
+
+    for p in law.parameters:
+        value = piece.values[p.name]
+        if not np.ndim(value):
+            ends = verify.profiled(engine, full.after, index, p.name, limits)
+            write(p.name, value, *ends, p.unit)
             continue
-        apart = engine.whiten(rival.fit.stress - own.fit.stress)
-        if float(apart @ apart) > 20 * limit:
-            continue
-        with engine.made_by(own.fit.stress):
-            guess, fixed = rival.fit.guess, rival.fit.fixed_base
-            again = fit(engine, guess, fixed_base=fixed, iterations=6)
-        if again.chi2 < limit:
-            out.append(rival.effect)
-    return out
+        for group in piece.groups:
+            ends = limits.get((index, p.name, group), (np.nan, np.nan))
+            for r in group:
+                name = f"{p.name} of {engine.data.names[r]}"
+                write(name, value[r], *ends, p.unit)
+    rest = tuple(q for q in full.after.guess.pieces if q is not piece)
+    bare = replace(full.after.guess, pieces=rest)
+    acts = np.abs(full.after.stress - engine.run(bare, False)[0]) > 2 * engine.sigma
+    refit = fit(engine, bare, fixed_base=full.after.fixed_base, iterations=3)
+    return {
+        "effect": law.id,
+        "stage": law.stage,
+        "form": law.form,
+        "probability": round(told.probable.effects[law.id], 4),
+        "parameters": parameters,
+        "where": law.where,
+        "equivalent": told.probable.instead(law.id),
+        "recordings": [
+            name
+            for r, name in enumerate(engine.data.names)
+            if acts[engine.owner == r].any()
+        ],
+        "nrmse_without": full.nrmse(refit),
+    }
 
 
-def _probability(found: Explanation, rivals: Sequence[Rival], piece: Piece) -> float:
-    """Weight of an effect among its rivals, tempered, less what is left unexplained.
+def _candidates(told: Told) -> list[dict[str, Any]]:
+    """The base and every effect tried, alone at its best, the likeliest first."""
+    accounts = told.found.accounts
+    top = accounts[0].evidence.alone
 
-    No form here is the true one, so a difference of evidence counts a fifth of what it
-    would count if one were.
-    """
-    name = piece.effect.id
-    scores = np.array([score(r.fit) for r in rivals])
-    if not len(scores):
-        return 0.0
-    own = next((i for i, r in enumerate(rivals) if r.effect == name), None)
-    if own == 0:  # if not by its score, as the simpler of two as good
-        scores[own] = scores.min()
-    weight = np.exp(-(scores - scores.min()) / TEMPER)
-    weight /= weight.sum()
-    # With much left unexplained a good fit names the nearest effect, not the right one:
-    # on development cases it was right in two out of five. So it is with a mistake of
-    # some recordings that most of them would have made, with a third effect, and with a
-    # second where the first mismatch was within twice the noise (right in three of five
-    # where little is on no list). An explanation stands or falls as a whole.
-    pieces = [p for p in found.final.guess.pieces if not p.nuisance]
-    spongy = any(sponge(found.base.engine, p) for p in pieces)
-    many = len(found.selected) > (1 if found.excess_before < FAINT else 2)
-    doubtful = found.left > MUCH or many or any(map(strained, pieces))
-    trust = 0.4 if doubtful or spongy or not clear(found) else 1
-    # An effect that came in by exchange had its rivals all tried against it.
-    chance = 1.0 if own is None or rivals[0].effect != name else float(weight[own])
-    return round(chance * trust / (1 + found.odds_of_strangers), 4)
-
-
-def strained(piece: Piece) -> bool:
-    """Whether a law had to go to the end of what it could be in such recordings."""
-    law = piece.effect
-    for narrowed, own in zip(law.parameters, type(law).parameters, strict=True):
-        value = piece.values[narrowed.name]
-        low = narrowed.low > own.low and np.min(value) < 1.01 * narrowed.low
-        high = narrowed.high < own.high and np.max(value) > 0.99 * narrowed.high
-        if low or high:
-            return True
-    return False
-
-
-def _candidates(base: Baseline, found: Explanation) -> list[dict[str, Any]]:
-    errors, squares = verify.heldout(base.engine, base.fit)
-    out: list[dict[str, Any]] = [
-        {
-            "effect": None,
-            "heldout_nrmse": verify.nrmse_of(errors, squares),
-            "evidence": 0.0,
-            "seconds": 0.0,
-        }
-    ]
-    for rival in found.first:
-        errors, squares = verify.heldout(base.engine, rival.fit)
-        out.append(
-            {
-                "effect": rival.effect,
-                "heldout_nrmse": verify.nrmse_of(errors, squares),
-                "evidence": float(score(found.base.fit) - score(rival.fit)),
-                "seconds": round(rival.seconds, 3),
-            }
-        )
-    return out
-
-
-def _next(found: Explanation, names: list[str]) -> dict[str, Any] | None:
-    """The recording that would tell the choice from its nearest rival."""
-    if found.steps and not names and locate.only_loading(found.base.engine):
-        likely = [r.effect for r in found.first[:3]]
+    def row(name: str | None, probability: float) -> dict[str, Any]:
+        which = frozenset() if name is None else frozenset([name])
+        own = [a for a in accounts if a.effects == which]
+        best = max(own, key=lambda a: a.evidence.alone, default=accounts[0])
         return {
-            "strain_programme": "cycles to growing strain, each amplitude twice, and a "
-            "hold",
-            "separates": likely,
-            "why": "they look alike on first loading, and part on the way back",
+            "effect": name,
+            "probability": round(probability, 4),
+            "heldout_nrmse": verify.nrmse_of(*verify.heldout(told.engine, best.fit)),
+            "evidence": float(best.evidence.alone - top),
+            "seconds": round(best.seconds, 3),
         }
-    for step in found.steps or []:
-        best = step.rivals[0]
-        law = effect(best.effect)
-        for rival in step.rivals[1:4]:
-            text = law.twins.get(rival.effect) or effect(rival.effect).twins.get(
-                best.effect
-            )
-            if text:
-                return {
-                    "strain_programme": text,
-                    "separates": [best.effect, rival.effect],
-                    "why": f"{rival.effect} comes nearest to {best.effect} here; they "
-                    "part where one of them does not show",
-                }
-    if found.first and not names:
-        law = effect(found.first[0].effect)
-        for other, text in law.twins.items():
-            return {
-                "strain_programme": text,
-                "separates": [law.id, other],
-                "why": f"{law.id} comes nearest, but does not explain enough",
-            }
-    return None
 
-
-PHRASES = {
-    "nothing_missing": "Nothing is missing: what is left of {before} is noise "
-    "({noise}).",
-    "unexplained": "The simulation misses something that no known effect explains: the "
-    "error on recordings not used is {before}, the noise {noise}.{structure}",
-    "undetermined": "Too little was recorded to tell whether anything is missing.",
-    "only_loading": "The simulation misses {before} of what was recorded (noise "
-    "{noise}), but first loading alone does not tell what: softening, set, friction "
-    "and others look alike there. Record the way back, and cycles.",
-}
-
-
-def _summary(result: dict[str, Any], found: Explanation, names: list[str]) -> str:
-    fit_ = result["fit"]
-
-    def percent(x: float) -> str:
-        return f"{100 * x:.2g} %"
-
-    verdict = result["verdict"]
-    if verdict == "undetermined" and found.steps:
-        verdict = "only_loading"
-    if verdict in PHRASES:
-        structure = result.get("structure")
-        told = ""
-        if structure and structure["depends_on"]:
-            told = f" It depends on {next(iter(structure['depends_on']))} most."
-        if structure and structure["period"]:
-            period = structure["period"]
-            told += (
-                f" It comes back every {period['period']:.3g} {period['unit']} of "
-                f"{period['axis']}."
-            )
-        if verdict == "unexplained" and strange(found):
-            told += f" It behaves like {words(found.likely_strangers[0].effect)}."
-        return PHRASES[verdict].format(
-            before=percent(fit_["before"]["heldout_nrmse"]),
-            noise=percent(fit_["noise_nrmse"]),
-            structure=told,
-        )
-    share = {"simulation too stiff": 0.0, "simulation too soft": 0.0}
-    for region in result["mismatch"]:
-        share[region["sign"]] += region["share"]
-    sign = max(share, key=lambda k: share[k])
-    *others, last = (n.replace("_", " ") for n in names)
-    spoken = f"{', '.join(others)} and {last}" if others else last
-    verb = "was" if len(names) == 1 else "were"
-    where = effect(names[0]).where
-    part = "" if verdict == "explained" else " Part of the mismatch stays unexplained."
-    them = "it" if len(names) == 1 else "them"
-    old = percent(fit_["before"]["heldout_nrmse"])
-    new = percent(fit_["after"]["heldout_nrmse"])
-    return (
-        f"The {sign.replace('simulation', 'simulation is')} {where}: {spoken} {verb} "
-        f"left out. With {them} the error on recordings not used goes from {old} to "
-        f"{new} (noise {percent(fit_['noise_nrmse'])}).{part}"
-    )
+    rows = [row(name, p) for name, p in told.probable.effects.items()]
+    return [row(None, told.probable.nothing), *rows]

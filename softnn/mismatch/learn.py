@@ -61,8 +61,12 @@ def within(network: Any, x: Array) -> Array:
     return np.clip(network.predict(known), network.target.low, network.target.high)
 
 
-def features(chunk: Chunk, names: tuple[str, ...] = FEATURES) -> Array:
+def features(
+    chunk: Chunk, names: tuple[str, ...] = FEATURES, *, warm: bool = False
+) -> Array:
     """State features (n, features) of a recording."""
+    if warm:
+        names = (*names, "temperature_C")
     time, strain = chunk.time_s - chunk.time_s[0], chunk.strain
     step = np.maximum(np.diff(time, prepend=time[0]), 1e-9)
     step[0] = step[1] if len(step) > 1 else 1.0
@@ -83,10 +87,10 @@ def features(chunk: Chunk, names: tuple[str, ...] = FEATURES) -> Array:
         "log_time": np.log10(time + 0.01 * (time[-1] + 1e-9) + 1e-9),
     }
     if chunk.temperature_C is not None:
-        warm = chunk.temperature_C
-        known = np.isfinite(warm)
+        degrees = chunk.temperature_C
+        known = np.isfinite(degrees)
         table["temperature_C"] = (
-            np.interp(time, time[known], warm[known]) if known.any() else 0 * time
+            np.interp(time, time[known], degrees[known]) if known.any() else 0 * time
         )
     return np.stack([table[n] for n in names], axis=1)
 

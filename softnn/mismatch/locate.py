@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk
-from softnn.fit import Engine, Fit
-from softnn.mismatch.forms import unforgotten
+from softnn.fit import Engine, Fit, span
 
 WINDOWS = (8, 16, 32, 64, 128, 256)
 SIGMAS = 2.0  # beyond which an effect is said to act
@@ -140,7 +139,8 @@ def scan(
     engine: Engine, found: Fit, rng: np.random.Generator, level: float = 0.95
 ) -> tuple[NDArray[np.bool], float, float]:
     """Samples (valid,) in windows that noise does not explain; statistic; threshold."""
-    residual, q = unforgotten(engine, found)
+    q = span(found.free_columns)
+    residual = found.residual - q @ (q.T @ found.residual)
     sets = _windows(engine.owner)
     # Noise estimated a little too low must not read as a mismatch.
     scale = np.sqrt(max(np.median(residual**2) / 0.4549, 1.0))

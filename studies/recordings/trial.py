@@ -230,7 +230,7 @@ def split(task: Task) -> Row:
     row = new_row(task, found)
     row.split, row.label, row.outside = way.by, way.label, way.outside
     unseen = usable(group.case(way.unseen), task.samples)
-    models = {"before": found.base_model, "after": found.model}
+    models = {"before": found.base_json, "after": found.model_json}
     row.unseen = summary(misses(models, unseen, group.specimens), rng_of(task))
     return row
 
@@ -245,7 +245,7 @@ def monotonic(task: Task) -> Row:
         np.arange(len(c.time_s)) >= first_turn(r)
         for c, r in zip(to_data(case).chunks, case.recordings, strict=True)
     ]
-    models = {"before": found.base_model, "after": found.model}
+    models = {"before": found.base_json, "after": found.model_json}
     # Scales of single recordings are in the models by name, as fitted.
     row.unseen = summary(misses(models, case, False, later), rng_of(task))
     row.split, row.label = "cycles", "fitted to first loading alone"

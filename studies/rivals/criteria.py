@@ -14,8 +14,7 @@ import numpy as np
 from softnn.contracts import Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
-from softnn.mismatch.contest import release
-from softnn.mismatch.screen import Lead, Screen
+from softnn.mismatch.candidates import Lead, Screen, release
 from studies.rivals import folds
 from studies.rivals.naming import Found
 from studies.rivals.problem import Problem, alike
@@ -39,7 +38,7 @@ def criterion(found: Fit, price: float) -> float:
 
 def search(problem: Problem, price_of: Price) -> Found:
     engine, current = problem.plain
-    sigma = engine.sigma
+    level = [np.full(len(s), engine.sigma[0]) for s in engine.data.stress_MPa]
     price = price_of(len(engine.target))
     names: list[str] = []
     try:
@@ -57,8 +56,7 @@ def search(problem: Problem, price_of: Price) -> Found:
         error = folds.squares(engine, made)
     finally:
         # The engine is shared with other methods: it is handed back as it was.
-        engine.sigma = sigma
-        engine.scale = 1 / sigma
+        engine.set_noise(level, None)
     return Found(
         {n: 1 / len(names) for n in names},
         1.0 if names else 0.0,
@@ -76,7 +74,7 @@ def forward(
     for effect in pool:
         leads: list[Lead] = []
         for law in (effect, *effect.second_forms):
-            leads += screen.lead(law, price)[0]
+            leads += screen.lead(law, price)
         if leads:
             lead = max(leads, key=lambda one: one.gain)
             tried[effect.id] = joint(engine, current, lead.piece)

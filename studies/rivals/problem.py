@@ -13,15 +13,11 @@ import numpy as np
 
 from softnn.contracts import Array, Effect
 from softnn.fit import Data, Engine, Fit, fit
-from softnn.mismatch.base import Baseline, baseline, beyond, given
-from softnn.mismatch.case import mask_failure, mask_gaps, read_case, thin, to_data
-from softnn.mismatch.contest import candidates
-from softnn.mismatch.screen import Screen
+from softnn.mismatch.base import Baseline, beyond
+from softnn.mismatch.candidates import Screen, candidates
+from softnn.mismatch.case import read_case
+from softnn.mismatch.diagnosis import start
 from studies.rivals import columns, folds
-
-SAMPLES = 1000  # a recording, as many as the diagnosis searches with
-REPORTED = 6000  # a recording, of which it reads the noise
-DEFAULT = "pl-wiechert"
 
 T = TypeVar("T")
 
@@ -105,13 +101,11 @@ def alike(engine: Engine, found: Fit) -> Fit:
     return fit(engine, found.guess, fixed_base=found.fixed_base, iterations=4)
 
 
-def read(folder: str | Path, samples: int = SAMPLES) -> Problem:
+def read(folder: str | Path) -> Problem:
     """The case in `folder`, prepared as the diagnosis prepares it."""
     begun = time.perf_counter()
-    case = mask_failure(mask_gaps(read_case(folder)))
-    data, fine = to_data(thin(case, samples)), to_data(thin(case, REPORTED))
-    if data.simulated_MPa is not None and case.model is None:
-        base = given(data, data.simulated_MPa, case.groups(), fine)
-    else:
-        base = baseline(data, case.model or DEFAULT, case.groups(), fine)
-    return Problem(case.name, data, base, {"base": time.perf_counter() - begun})
+    case = read_case(folder)
+    base = start(case)
+    return Problem(
+        case.name, base.engine.data, base, {"base": time.perf_counter() - begun}
+    )

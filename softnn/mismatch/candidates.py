@@ -1,8 +1,9 @@
-"""Score tests: how much of what is left could an effect take up?
+"""Effects that could be meant: where score tests point, and joint refits of those.
 
 An atom is the change of stress that an effect makes, less what the columns of the fit
 absorb. Its gain says what a fit could win, without making one; so all effects are asked
-from several starts, and a bootstrap of the largest gain in noise sets the threshold.
+from several starts, and those that lead are refitted together with the base, in each
+form they have. Nothing is decided here: `evidence` weighs what is found.
 """
 
 from __future__ import annotations
@@ -15,7 +16,109 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array, Effect
-from softnn.fit import Engine, Fit, Piece, span
+from softnn.effects import EFFECTS
+from softnn.fit import Engine, Fit, Guess, Piece, fit, span
+from softnn.mismatch.locate import held_only
+from softnn.mismatch.verify import intervals
+
+ENTRY = 8.0  # of chi2, below which nothing, and no recording, is worth a refit
+BESIDE = 0.02  # of the largest gain: an effect that promises less waits for it
+FIRST, LATER = 10, 5  # effects refitted on top of a base, and of an account
+FORMS = (3, 1)  # of an effect, that are followed on a base and on an account
+WARM = 0.5  # degC, by which the temperature must change to do anything
+OFF = 3.5  # standard errors, within which an effect of a recording is off
+
+
+def candidates(engine: Engine, base: str, fixed: bool) -> list[Effect]:
+    """Effects that these recordings and this base could show."""
+    warm = all(c.temperature_C is not None for c in engine.chunks)
+    warm = warm and engine.data.scales().temperature_C > WARM
+    held = held_only(engine)
+    return [
+        effect
+        for effect in EFFECTS
+        if (warm or not effect.needs_temperature)
+        and not (effect.on_return and held)
+        and (fixed or base not in effect.part_of)
+    ]
+
+
+def names(found: Fit) -> list[str]:
+    """Ids of the effects in a fit."""
+    return [p.effect.id for p in found.guess.pieces if not p.nuisance]
+
+
+def expand(engine: Engine, base: Fit, pool: Sequence[Effect], most: int) -> list[Fit]:
+    """Fits with one more effect of the pool each, in the forms that suit it.
+
+    The effects that lead are refitted with their core parameters; the few that come
+    near the best then with their shape parameters, and from closer starts.
+    """
+    screen = Screen(engine, base)
+    leads: dict[tuple[str, str, bool], Lead] = {}
+    for law in pool:
+        if law.id in names(base):
+            continue
+        for form in (law, *law.second_forms):
+            for lead in screen.lead(form, ENTRY):
+                shared = any(len(g) > 1 for g in lead.piece.groups)
+                key = law.id, form.form, shared
+                if key not in leads or lead.gain > leads[key].gain:
+                    leads[key] = lead
+    ranked = sorted(leads.values(), key=lambda lead: -lead.gain)
+    ranked = [x for x in ranked if x.gain > max(ENTRY, BESIDE * ranked[0].gain)]
+    tried = list(dict.fromkeys(lead.piece.effect.id for lead in ranked))[:most]
+    found = [
+        refine(engine, base, lead.piece, 6)
+        for lead in ranked
+        if lead.piece.effect.id in tried
+    ]
+    if not names(base):
+        found += [refine(engine, base, piece, 6) for piece in shown(engine, pool)]
+    found = [f for f in found if len(names(f)) > len(names(base))]
+    found = _best_forms(found, FORMS[bool(names(base))])
+    out = []
+    for rank, one in enumerate(found):
+        near = one.chi2 < base.chi2 - 0.5 * (base.chi2 - found[0].chi2)
+        out.append(shaped(engine, screen, one, rank < 3) if rank < 3 or near else one)
+    return out
+
+
+def _best_forms(found: Sequence[Fit], most: int) -> list[Fit]:
+    """The fits in order of misfit, at most so many forms of each set of effects."""
+    kept: list[Fit] = []
+    for one in sorted(found, key=schwarz):
+        same = [k for k in kept if names(k) == names(one)]
+        twice = any(abs(k.chi2 - one.chi2) < 1e-3 * ENTRY for k in same)
+        if len(same) < most and not twice:
+            kept.append(one)
+    return sorted(kept, key=lambda f: f.chi2)
+
+
+def shaped(engine: Engine, screen: Screen, found: Fit, closely: bool) -> Fit:
+    """The fit with the shape of its newest effect freed, where that is better."""
+    held = set(names(screen.base))
+    index = next(
+        i
+        for i, p in enumerate(found.guess.pieces)
+        if not p.nuisance and p.effect.id not in held
+    )
+    tried = [found]
+    if closely:
+        leads = screen.closer(found.guess.pieces[index].effect, ENTRY)
+        lead = max(leads, key=lambda x: x.gain, default=None)
+        if lead is not None:
+            tried.append(refine(engine, screen.base, lead.piece, 6))
+            tried = [t for t in tried if len(names(t)) > len(held)]
+    best = min(tried, key=schwarz)
+    for inside in (False, True) if closely else (False,):
+        best = min(best, release(engine, best, index, inside), key=schwarz)
+    return min(best, lifted(engine, best, index), key=schwarz)
+
+
+def schwarz(found: Fit) -> float:
+    """Misfit and a price for each number: which form of one effect to go on with."""
+    return found.chi2 + found.parameters * float(np.log(len(found.residual)))
 
 
 @dataclass(frozen=True)
@@ -94,14 +197,7 @@ class Screen:
 
     def __init__(self, engine: Engine, base: Fit) -> None:
         self.engine, self.base = engine, base
-        live = np.concatenate(
-            [
-                (base.guess.stiffness > 0) & (not base.fixed_base),
-                np.ones(len(base.slots), bool),
-            ]
-        )
-        columns = base.jacobian[:, live]
-        self.q = span(columns)
+        self.q = span(base.free_columns)
         self.residual = base.residual - self.q @ (self.q.T @ base.residual)
         self.plain: Array | None = None  # stress of the fit, once it is asked for
 
@@ -127,8 +223,8 @@ class Screen:
         )
         return self.project(self.engine.whiten(parts))
 
-    def lead(self, effect: Effect, threshold: float) -> tuple[list[Lead], list[Array]]:
-        """Leads of an effect from each of its starts; and all atoms, for the null.
+    def lead(self, effect: Effect, threshold: float) -> list[Lead]:
+        """Leads of an effect from each of its starts.
 
         One of single recordings is asked for in each, and as the same in all of them:
         what is too small to be seen in any may be seen in all.
@@ -141,17 +237,16 @@ class Screen:
                 c, gain = _signed(piece, atom[:, 0], self.residual)
                 if gain > 0:
                     leads.append(Lead(_scaled(piece, [c]), gain))
-            return leads, atoms
+            return leads
         leads = self._greedy(pieces, atoms, threshold)
         if in_all(effect) and len(self.engine.chunks) > 1:
             every = (tuple(range(len(self.engine.chunks))),)
-            for piece, own in zip(pieces, list(atoms), strict=True):
+            for piece, own in zip(pieces, atoms, strict=True):
                 atom = own.sum(axis=1)
-                atoms.append(atom[:, None])
                 c, gain = _signed(piece, atom, self.residual)
                 if gain > 0:
                     leads.append(Lead(replace(_scaled(piece, [c]), groups=every), gain))
-        return leads, atoms
+        return leads
 
     def closer(self, effect: Effect, threshold: float) -> list[Lead]:
         """Leads of an effect from its closer starts, one of each shape."""
@@ -253,24 +348,87 @@ def _clipped(effect: Effect, values: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def null_threshold(
-    screen: Screen,
-    atoms: Sequence[Array],
-    rng: np.random.Generator,
-    level: float = 0.99,
-) -> float:
-    """Quantile of the largest score of any atom when nothing but noise is left.
+def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit:
+    """The joint refit with one more piece, recordings it does not touch taken out."""
+    pieces = sorted(base.guess.pieces + (piece,), key=lambda p: turn(p.effect))
+    guess = Guess(base.guess.units, base.guess.stiffness, tuple(pieces))
+    found = fit(engine, guess, fixed_base=base.fixed_base, iterations=iterations)
+    return prune(engine, found)
 
-    The bootstrap draws whitened noise, refits the base to it (the projection), and
-    takes the largest gain over all effects and starts.
+
+def turn(law: Effect) -> int:
+    """When an effect acts."""
+    return next(i for i, known in enumerate(EFFECTS) if known.id == law.id)
+
+
+def prune(engine: Engine, found: Fit) -> Fit:
+    """The fit without recordings in which an effect is off within its error."""
+    limits = intervals(found)
+    pieces, changed = [], False
+    for i, piece in enumerate(found.guess.pieces):
+        law = piece.effect
+        if piece.nuisance or law.amplitude not in law.per_recording:
+            pieces.append(piece)
+            continue
+        off = law.off[law.amplitude]
+        values = dict(piece.values)
+        kept = []
+        for group in piece.groups:
+            low, high = limits.get((i, law.amplitude, group), (-np.inf, np.inf))
+            middle = float(values[law.amplitude][group[0]])
+            sd = max((high - low) / 3.92, 1e-300)
+            if abs(middle - off) > OFF * sd:
+                kept.append(group)
+        if kept and len(kept) < len(piece.groups):
+            array = np.array(values[law.amplitude], float)
+            gone = [r for g in piece.groups if g not in kept for r in g]
+            array[gone] = off
+            values[law.amplitude] = array
+            changed = True
+            piece = replace(piece, values=values, groups=tuple(kept))
+        pieces.append(piece)
+    if not changed:
+        return found
+    guess = replace(found.guess, pieces=tuple(pieces))
+    return fit(engine, guess, fixed_base=found.fixed_base, iterations=4)
+
+
+def release(
+    engine: Engine, found: Fit, index: int, inside: bool, iterations: int = 10
+) -> Fit:
+    """The same with the shape parameters of piece `index` freed.
+
+    `inside`: they start a little inside their range; at its end some laws do not move.
     """
-    s = np.concatenate(atoms, axis=1)
-    norm = np.linalg.norm(s, axis=0)
-    s = s[:, norm > 1e-6] / norm[norm > 1e-6]
-    if s.shape[1] == 0:
-        return 10.0
-    largest = []
-    for _ in range(8):
-        noise = rng.standard_normal((s.shape[0], 25))
-        largest.append(((s.T @ screen.project(noise)) ** 2).max(axis=0))
-    return float(np.quantile(np.concatenate(largest), level))
+    pieces = list(found.guess.pieces)
+    piece = pieces[index]
+    values = dict(piece.values)
+    law = piece.effect
+    ends = [p for p in law.parameters if p.name in law.shape and p.scale == "linear"]
+    if inside and not ends:
+        return found
+    for p in ends if inside else ():
+        width = 0.03 * (p.high - p.low)
+        values[p.name] = float(np.clip(values[p.name], p.low + width, p.high - width))
+    names = tuple(p.name for p in piece.effect.parameters)
+    pieces[index] = replace(piece, values=values, free=names)
+    guess = replace(found.guess, pieces=tuple(pieces))
+    return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)
+
+
+def lifted(engine: Engine, found: Fit, index: int, iterations: int = 12) -> Fit:
+    """The same with piece `index` in all recordings, and in each by more, as it starts.
+
+    What all recordings have alike of a gap the base takes up, so that the search ends
+    where the least has none; only the shape of the law can tell how large it is.
+    """
+    pieces = list(found.guess.pieces)
+    law, name = pieces[index].effect, pieces[index].effect.amplitude
+    if name not in law.per_recording or law.some or not law.shape:
+        return found
+    start = start_pieces(engine, law)[0]
+    more = np.add(start.values[name], pieces[index].values[name])
+    free = tuple(p.name for p in law.parameters)
+    pieces[index] = replace(start, values=start.values | {name: more}, free=free)
+    guess = replace(found.guess, pieces=tuple(pieces))
+    return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)

@@ -1,0 +1,253 @@
+r"""How well a set of effects accounts for recordings: its marginal likelihood.
+
+.. math:: y = base + \sum_k c_k(t)\,(1 + w_k \cdot r(x_t)) + v \cdot d(x_t, t) + noise
+
+c_k is what effect k changes of the stress. No law is quite right: w_k, normal with
+scale tau, bends each by smooth functions r of the state x (and lets it trail a little),
+the form error. v, normal with scale a, is the discrepancy: whatever else there is,
+smooth in the state or in the time of single recordings (Kennedy and O'Hagan 2001,
+doi:10.1111/1467-9868.00294). Smooth functions are random Fourier features (Rahimi and
+Recht 2007). Numbers that the fit leaves free are projected out, w and v are integrated
+out exactly; of tau and a the best of a few values counts, with its prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from softnn.contracts import Array
+from softnn.fit import Engine, Fit, span
+from softnn.mismatch.learn import features
+from softnn.models.unit_kernel import maxwell
+
+BENDS, SHARED, OWN = 30, 40, 6  # functions: of an effect, of the state, of a recording
+LENGTH = 1.5  # of the functions of the state, in standard deviations of it
+LAGS = (3.0, 30.0)  # typical intervals, by which an effect may trail
+FORM = (0.0, 0.03, 0.1, 0.3)  # tau
+ELSE = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)  # a, of the largest stress
+SCATTER = (0.0, 0.01, 0.02, 0.04)  # of the stress, between specimens
+GRIDS = (FORM, ELSE, ELSE, ELSE, SCATTER)  # bends, three kinds of discrepancy, scatter
+FORM_PRIOR = 0.1  # half-normal scale of tau
+SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
+UNSAID = 1.6  # log odds against specimens that nobody wrote down: one case in six
+ELSE_PRIOR = 0.001  # of a, beside effects that are meant to be all there is
+SEED = 1
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Logarithms of marginal likelihoods, without prior.
+
+    `alone`: with the form error alone, and a discrepancy that is slight; `beside`: with
+    something else of any size. `share`: of what the account takes up of the misfit, the
+    part that the laws as they stand do.
+    """
+
+    alone: float
+    beside: float
+    form: float
+    discrepancy: float
+    beside_size: float
+    scatter: float
+    numbers: int  # free ones, of the effects
+
+
+class Weigher:
+    """Weighs fits to one set of recordings."""
+
+    def __init__(self, engine: Engine, base: Fit) -> None:
+        self.engine = engine
+        rng = np.random.default_rng(SEED)
+        x = states(engine)
+        self.bends = fourier(x, BENDS, rng)
+        self.shared = engine.level * fourier(x, SHARED, rng)
+        self.stiffer = base.stress[:, None] * fourier(x, SHARED, rng)
+        self.own = engine.level * by_recording(engine)
+        apart = len(engine.chunks) > 1
+        self.scatter = base.stress[:, None] * own_scale(engine, apart)
+        self._white: tuple[int, Array] | None = None
+
+    def weigh(self, found: Fit) -> Evidence:
+        """The evidence of a fit under the noise that the engine weighs by."""
+        engine = self.engine
+        if self._white is None or self._white[0] != engine.noises:
+            parts = [self.shared, self.stiffer, self.own, self.scatter]
+            both = np.concatenate(parts, axis=1)
+            self._white = engine.noises, engine.whiten(both)
+        other = self._white[1]
+        bent = [self.bent(change) for change in changes(engine, found)]
+        form = (
+            engine.whiten(np.concatenate(bent, axis=1))
+            if bent
+            else np.zeros((len(other), 0))
+        )
+        q = span(found.free_columns)
+        residual = found.residual - q @ (q.T @ found.residual)
+        columns = np.concatenate([form, other], axis=1)
+        columns = columns - q @ (q.T @ columns)
+        gram, right = columns.T @ columns, columns.T @ residual
+        sizes = [
+            form.shape[1],
+            SHARED,
+            SHARED,
+            self.own.shape[1],
+            self.scatter.shape[1],
+        ]
+        kinds = np.repeat(np.arange(len(sizes)), sizes)
+        norm = engine.log_norm - 0.5 * len(residual) * np.log(2 * np.pi)
+        plain = norm - 0.5 * float(residual @ residual)
+
+        def value(scales: Sequence[float], free: bool) -> float:
+            *_, apart = scales
+            prior = (scales[0] / FORM_PRIOR) ** 2 + (apart / SCATTER_PRIOR) ** 2
+            if not free:
+                prior += sum((a / ELSE_PRIOR) ** 2 for a in scales[1:-1])
+            made = gained(gram, right, np.array(scales)[kinds])
+            return plain + made - 0.5 * prior - UNSAID * (apart > 0)
+
+        nothing = [0] * len(GRIDS)
+        place, alone = climb(lambda s: value(s, False), nothing, bool(bent))
+        at, beside = climb(lambda s: value(s, True), place, bool(bent))
+        return Evidence(
+            alone,
+            beside,
+            GRIDS[0][place[0]],
+            max(g[i] for g, i in zip(GRIDS[1:-1], place[1:-1], strict=True)),
+            max(g[i] for g, i in zip(GRIDS[1:-1], at[1:-1], strict=True)),
+            SCATTER[place[-1]],
+            len(found.slots),
+        )
+
+    def bent(self, change: Array) -> Array:
+        """What form errors of scale one would make of an effect (valid, k), MPa."""
+        engine = self.engine
+        interval = engine.data.scales().interval_s
+        time = np.concatenate([c.time_s for c in engine.chunks])[engine.valid]
+        late = [
+            trailing(change, time, engine.owner, k * interval) - change for k in LAGS
+        ]
+        return np.concatenate(
+            [change[:, None] * self.bends, np.stack(late, axis=1)], axis=1
+        )
+
+
+def climb(
+    value: Callable[[Sequence[float]], float], start: Sequence[int], form: bool
+) -> tuple[list[int], float]:
+    """The best point of `GRIDS` uphill from `start`, one coordinate at a time.
+
+    `form`: whether there is a form error to be moved.
+    """
+    known: dict[tuple[int, ...], float] = {}
+
+    def at(place: Sequence[int]) -> float:
+        key = tuple(place)
+        if key not in known:
+            known[key] = value([g[i] for g, i in zip(GRIDS, key, strict=True)])
+        return known[key]
+
+    place = list(start)
+    while True:
+        best = place
+        for k in range(0 if form else 1, len(GRIDS)):
+            for i in (place[k] - 1, place[k] + 1, place[k] + 2):
+                if 0 <= i < len(GRIDS[k]):
+                    trial = [*place[:k], i, *place[k + 1 :]]
+                    best = max(best, trial, key=at)
+        if best == place:
+            return place, at(place)
+        place = best
+
+
+def gained(gram: Array, right: Array, scale: Array) -> float:
+    """Log evidence of columns with normal weights of these scales, over none.
+
+    `gram` (k, k) and `right` (k,): products of the whitened columns with each other and
+    with the residual. Weights integrated out; the textbook's Bayesian linear model.
+
+    >>> gained(np.eye(1), np.array([2.0]), np.array([1.0])).__round__(4)
+    0.6534
+    """
+    live = np.flatnonzero(scale)
+    if not len(live):
+        return 0.0
+    s = scale[live]
+    inner = gram[np.ix_(live, live)] * np.outer(s, s)
+    inner[np.diag_indices_from(inner)] += 1
+    low = np.linalg.cholesky(inner)
+    z = solve_triangular(low, right[live] * s, lower=True, check_finite=False)
+    return float(0.5 * (z @ z) - np.log(np.diag(low)).sum())
+
+
+def changes(engine: Engine, found: Fit) -> list[Array]:
+    """Of each effect what it changes of the stress (valid,), MPa, the others there."""
+    out = []
+    for i, piece in enumerate(found.guess.pieces):
+        if piece.nuisance:
+            continue
+        rest = tuple(p for j, p in enumerate(found.guess.pieces) if j != i)
+        without, _ = engine.run(replace(found.guess, pieces=rest), False)
+        out.append(found.stress - without)
+    return out
+
+
+def states(engine: Engine) -> Array:
+    """State of each sample (valid, features), each of mean 0 and deviation 1.
+
+    Strain and its history, rate and times as `learn` has them; temperature; and the
+    place of the recording among all.
+    """
+    count = len(engine.chunks)
+    warm = all(c.temperature_C is not None for c in engine.chunks)
+    rows = []
+    for r, chunk in enumerate(engine.chunks):
+        own = features(chunk, warm=warm)
+        rows.append(np.column_stack([own, np.full(len(own), r / count)]))
+    x = np.concatenate(rows)[engine.valid]
+    spread = x.std(axis=0)
+    live = spread > 1e-9 * (np.abs(x).max(axis=0) + 1e-300)
+    return (x[:, live] - x[:, live].mean(axis=0)) / spread[live]
+
+
+def fourier(x: Array, count: int, rng: np.random.Generator) -> Array:
+    """Random smooth functions (n, count) of states; sums of them have variance one."""
+    wave = rng.standard_normal((x.shape[1], count)) / LENGTH
+    phase = rng.uniform(0, 2 * np.pi, count)
+    return np.cos(x @ wave + phase) * np.sqrt(2 / count)
+
+
+def by_recording(engine: Engine) -> Array:
+    """Smooth functions (valid, k) of the time of each recording, the others zero."""
+    out = np.zeros((len(engine.target), OWN * len(engine.chunks)))
+    for r, chunk in enumerate(engine.chunks):
+        known = np.isfinite(engine.data.stress_MPa[r])
+        time = chunk.time_s[known] - chunk.time_s[0]
+        share = time / max(float(np.ptp(chunk.time_s)), 1e-300)
+        waves = np.cos(np.pi * np.outer(share, np.arange(OWN)))
+        rows = engine.owner == r
+        out[rows, OWN * r : OWN * (r + 1)] = waves / (1 + np.arange(OWN))
+    return out
+
+
+def own_scale(engine: Engine, apart: bool) -> Array:
+    """One in the samples of each recording (valid, recordings); or nothing."""
+    count = len(engine.chunks) if apart else 0
+    return (engine.owner[:, None] == np.arange(count)).astype(float)
+
+
+def trailing(x: Array, time: Array, owner: NDArray[np.integer], lag_s: float) -> Array:
+    """x (valid,) low-passed within each recording, at its typical interval."""
+    out = np.empty_like(x)
+    for r in np.unique(owner):
+        own = owner == r
+        step = float(np.median(np.diff(time[own]))) if own.sum() > 1 else lag_s
+        keep = float(np.exp(-max(step, 1e-12) / max(lag_s, 1e-12)))
+        decay, one = np.full((own.sum(), 1), keep), np.empty((own.sum(), 1))
+        maxwell(decay, 1 - decay, x[own], x[own][:1], one)
+        out[own] = one[:, 0]
+    return out
