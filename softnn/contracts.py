@@ -170,11 +170,11 @@ class Signal:
     strain: Array
     branch_strain: Array
     begun_s: float = 0.0
-    branch_time_s: Array | None = None  # by which branches relax; None: time_s
     temperature_C: Array | None = None
     equilibrium: Array | None = None
     branches: Array | None = None
     stress: Array | None = None
+    branch_time_s: Array | None = None  # by which branches relax; None: time_s
 
 
 @dataclass(frozen=True)
