@@ -197,7 +197,7 @@ def test_shares_are_what_is_lost_without_a_name():
 def test_rule(found, verdict, names):
     assert Rule(0.2, 0.05, 0.5).verdict(found) == (verdict, names)
     said = diagnosis(found, Rule(0.2, 0.05, 0.5), 0.1, 1.0)
-    assert scoring.confidently_named(said) == set(names)
+    assert said["selected"] == names
     assert diagnosis(found, Rule(), 0.1, 1.0, names=False)["verdict"] == "undetermined"
 
 

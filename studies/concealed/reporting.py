@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,17 +20,28 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.concealed import orders, scoring
+from studies.concealed import noise_check, orders, scoring
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+VERDICTS = (  # of cases without a name
+    "nothing_missing",
+    "undetermined",
+    "unexplained",
+    "partly_explained",
+    "explained",
+    "no diagnosis",
+)
+
 
 def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The table of what must be shown: what, value, interval, bar, met."""
-    plain = record["strength"] >= 1
-    groups = scores["groups"]
-    rows = []
+    seen, rows = scores["visible"], []
+    naming, told = seen["naming"], seen["calibration"]
+    one = 0.92
+    if record["generator"] == "forge":
+        one = 0.95 if record["strength"] >= 1 else 0.90
 
     def row(key: str, what: str, found: Any, bar: float, least: bool = True) -> None:
         entry = found if isinstance(found, dict) else {"rate": found}
@@ -39,45 +51,31 @@ def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str,
             met = bool(value >= bar) if least else bool(value <= bar)
         rows.append({"key": key, "what": what, "bar": bar, "met": met, **entry})
 
+    unsure = seen["unsure"].get("alien")
+    row("single_right", "one effect: it and nothing else", naming.get("single"), one)
     row(
-        "single_right",
-        "one effect: it and nothing else",
-        groups.get("single"),
-        0.95 if plain else 0.90,
+        "true_first", "a true effect leads the candidates", seen["ranking"]["all"], 0.97
     )
-    hidden = scores["concealment"]
-    limit = percent(hidden["accepted_below_nrmse"], 0)
-    row(
-        "accepted_right",
-        f"the same where the base alone is within {limit}",
-        hidden["groups"].get("single", {}).get("right"),
-        0.90,
-    )
-    row("null_right", "nothing: nothing_missing", groups.get("null"), 0.98)
-    row("pair_right", "two effects: both and only both", groups.get("pair"), 0.85)
-    row(
-        "unlisted_not_wrong",
-        "not on the list: no confident name",
-        groups.get("unlisted"),
-        0.95,
-    )
-    row("region_f1", "regions, median F1", scores["region_f1"], 0.8)
-    row(
-        "heldout_over_floor",
-        "held-out NRMSE over the noise, median",
-        scores["heldout_over_floor"],
-        1.2,
-        least=False,
-    )
-    row(
-        "unseen_over_floor",
-        "NRMSE on an unseen programme over the noise, median",
-        scores["unseen_over_floor"],
-        1.2,
-        least=False,
-    )
-    row("power_over_oracle", "found, over the oracle's power", scores["power"], 0.8)
-    row("seconds_alone", "one case, s", record.get("seconds_alone"), 10.0, least=False)
+    row("null_right", "nothing: nothing_missing", naming.get("null"), 0.98)
+    row("pair_right", "two effects: both and only both", naming.get("pair"), 0.85)
+    row("alien_unnamed", "on no list: nothing named", naming.get("alien"), 0.85)
+    row("alien_unsure", "on no list: no name at 0.9 or more", unsure, 0.97)
+    row("sure_right", "names at 0.9 or more that are right", told.get("sure"), 0.95)
+    row("gap", "probabilities off by, mean", told.get("gap"), 0.05, least=False)
+    if record["generator"] == "forge":
+        hidden = scores["concealment"]
+        limit = percent(hidden["accepted_below_nrmse"], 0)
+        accepted = hidden["groups"].get("single", {}).get("right")
+        what = f"one effect, right, the base alone within {limit}"
+        row("accepted_right", what, accepted, 0.90)
+        row("region_f1", "regions, median F1", scores["region_f1"], 0.8)
+        for key, where in (("heldout", "held-out"), ("unseen", "unseen programme's")):
+            what = f"{where} NRMSE over the noise, median"
+            row(f"{key}_over_floor", what, scores[f"{key}_over_floor"], 1.2, False)
+        row(
+            "power_over_oracle", "found, over the oracle's power", scores["power"], 0.85
+        )
+    row("seconds_alone", "one case, s", record.get("seconds_alone"), 6.0, least=False)
     return rows
 
 
@@ -90,6 +88,10 @@ def report(
     """Print, write and track what came out."""
     rows = bars(scores, record)
     label = str(record["label"])
+    if record["opened_before"]:
+        print(
+            f"Opened before: {'; '.join(record['opened_before'])}. No fresh evidence."
+        )
     note = as_markdown(rows, scores)
     print(note)
     headline: dict[str, float | None] = {}
@@ -98,17 +100,19 @@ def report(
         if "low" in row:
             headline[f"{label}/{row['key']}_low"] = row["low"]
             headline[f"{label}/{row['key']}_high"] = row["high"]
+    name = "concealed" if record["generator"] == "forge" else "hands"
     where = results_folder() if record["published"] else folder
     trials: dict[str, Any] = {}
-    earlier = where / "concealed.json"
-    if record["published"] and earlier.exists():  # the other strengths stay
+    earlier = where / f"{name}.json"
+    if record["published"] and earlier.exists():  # the others stay
         old = json.loads(earlier.read_text(encoding="utf-8"))
         trials = {k: v for k, v in old["trials"].items() if k != label}
         kept = {k: v for k, v in old["headline"].items() if k.split("/")[0] in trials}
         headline = kept | headline
-    trials[label] = {"record": record, "bars": rows, **scores}
+    kept_record = {k: v for k, v in record.items() if k != "cases_in"}
+    trials[label] = {"record": kept_record, "bars": rows, **scores}
     written = write_result(
-        "concealed",
+        name,
         headline,
         {"trials": trials},
         seed=record["seed"],
@@ -116,13 +120,13 @@ def report(
         folder=where,
     )
     figures = save_figure(
-        confusion_figure(scores["confusion"]), f"concealed-{label}", where
+        confusion_figure(scores["confusion"]), f"{name}-{label}", where
     )
-    track(record, headline, note, [written, *figures, folder / "seal.json"], tracking)
+    track(record, headline, note, [written, *figures, folder / "record.json"], tracking)
 
 
 def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) -> str:
-    """The tables of a trial: bars, effect by effect, causes of the misses."""
+    """The tables of a trial: bars, what is seen and what is not, causes of misses."""
 
     def shown(r: Mapping[str, Any]) -> str | None:
         value = r.get("rate")
@@ -132,43 +136,80 @@ def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) ->
 
     says = {True: "yes", False: "no", None: None}
     first = markdown(
-        ["what", "found", "95 % interval", "cases", "bar", "met"],
+        ["what, in cases to be seen", "found", "95 % interval", "cases", "bar", "met"],
         [
-            [
-                r["what"],
-                shown(r),
-                interval(r),
-                r.get("of"),
-                f"{r['bar']:g}",
-                says[r["met"]],
-            ]
+            [r["what"], shown(r), interval(r), r.get("of"), f"{r['bar']:g}"]
+            + [says[r["met"]]]
             for r in rows
         ],
     )
-    second = markdown(
-        ["effect", "right and only", "95 % interval", "cases", "oracle", "F1"],
-        [
-            [
-                name,
-                percent(e["rate"], 1),
-                interval(e),
-                e["of"],
-                f"{e['oracle_power']:.2f}",
-                None if e["f1"] is None else f"{e['f1']:.2f}",
-            ]
-            for name, e in scores["effects"].items()
-        ],
+    causes = Counter(
+        ("+".join(m["effects"]) or m["cls"], m["cause"]) for m in scores["misses"]
     )
-    hidden = concealment_table(scores["concealment"])
-    causes: dict[tuple[str, str], int] = {}
-    for m in scores["misses"]:
-        key = (m["effects"] or m["group"], m["cause"])
-        causes[key] = causes.get(key, 0) + 1
-    third = markdown(
-        ["missed", "cause", "cases"],
-        [[what, why, n] for (what, why), n in sorted(causes.items())],
+    missed = [[what, why, n] for (what, why), n in sorted(causes.items())]
+    tables = [first, parts_table(scores), effects_table(scores)]
+    tables += [calibration_table(scores["all"]["calibration"])]
+    if "concealment" in scores:
+        tables.append(concealment_table(scores["concealment"]))
+    if "noise_check" in scores:
+        tables.append(noise_check.table(scores["noise_check"]))
+    return "\n\n".join([*tables, markdown(["missed", "cause", "cases"], missed)])
+
+
+def cell(r: Mapping[str, Any] | None) -> str | None:
+    """A rate as counts and interval; None where there is no case.
+
+    >>> cell(scoring.Rate(1, 4).entry())
+    '1 of 4 (5 to 70 %)'
+    """
+    if not r or not r["of"]:
+        return None
+    ends = f"{percent(r['low'], 0)} to {percent(r['high'], 0)}".replace(" %", "", 1)
+    return f"{r['right']} of {r['of']} ({ends})"
+
+
+def parts_table(scores: Mapping[str, Any]) -> str:
+    """Class by class, of the cases to be seen and of the others, and by noise."""
+    heads = ["cases", "class", "right", "true effect first", "none at 0.9", "verdicts"]
+    rows = []
+    for where in ("visible", "others"):
+        some = scores[where]
+        for cls, entry in some["naming"].items():
+            verdicts = some["verdict"][cls].items()
+            said = ", ".join(f"{v} {n}" for v, n in sorted(verdicts))
+            first = cell(some["ranking"].get(cls))
+            rows.append(
+                [where, cls, cell(entry), first, cell(some["unsure"][cls]), said]
+            )
+    for kind, classes in scores["visible"]["noise"].items():
+        rows += [[kind, c, cell(e), None, None, None] for c, e in classes.items()]
+    return markdown(heads, rows)
+
+
+def effects_table(scores: Mapping[str, Any]) -> str:
+    """Effect by effect, of the cases to be seen; what a key knows beyond."""
+    known = scores.get("per_effect", {})
+    heads = ["effect", "alone and right", "first", "named, beside another too"]
+    rows = []
+    for name, e in scores["visible"]["effects"].items():
+        more = known.get(name, {})
+        extra = [more.get(k) for k in ("oracle_power", "f1")] if known else []
+        extra = [None if v is None else f"{v:.2f}" for v in extra]
+        rows.append([name, cell(e), cell(e["first"]), cell(e["named"]), *extra])
+    return markdown([*heads, *(["oracle", "F1"] if known else [])], rows)
+
+
+def calibration_table(told: Mapping[str, Any]) -> str:
+    """Of names at a probability, how many are right."""
+    if not told["of"]:
+        return "No name was given a probability."
+    rows = [[f"{d['from']:.1f}", f"{d['mean']:.2f}", cell(d)] for d in told["deciles"]]
+    area = "-" if told["auc"] is None else f"{told['auc']:.2f}"
+    return (
+        markdown(["probability from", "mean", "right"], rows)
+        + f"\n\n{told['of']} names; mean log score {told['log_score']:.3f}, Brier "
+        f"score {told['brier']:.3f}, AUC {area}."
     )
-    return "\n\n".join([first, second, hidden, third])
 
 
 def interval(r: Mapping[str, Any]) -> str | None:
@@ -216,7 +257,7 @@ def confusion_figure(counts: Mapping[str, Mapping[str, int]]) -> Figure:
             *orders.NAMES,
             scoring.AND_MORE,
             scoring.SEVERAL,
-            *scoring.VERDICTS,
+            *VERDICTS,
         )
         if c in used or c in rows
     ]
@@ -270,7 +311,9 @@ def track(
         study=f"{study} {record['label']}",
         identity=fingerprint(dict(record)),
         name=f"{record['label']} seed {record['seed']}",
-        parameters={k: record[k] for k in ("strength", "seed", "cases", "jobs")},
+        parameters={
+            k: record.get(k) for k in ("strength", "side", "seed", "cases", "jobs")
+        },
         data=("sealed key", str(record["key_sha256"])),
     ) as tracker:
         tracker.result(

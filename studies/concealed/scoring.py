@@ -1,28 +1,34 @@
-"""Diagnoses against the key: rates with Wilson intervals, regions, confusion, misses.
+"""One rule for every trial: what is named, against what is true.
 
-A case without a diagnosis counts as wrong in every rate.
+An effect is named when it is in `selected`, whatever its probability; that holds for
+cases of every class. Right is: of one effect or two, those and nothing else; of none,
+`nothing_missing` and no name; of what is on no list ("alien"), no name. A case without
+a diagnosis is wrong. What nobody could see is counted apart (`Truth.seen`).
 """
 
 from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
+from scipy.stats import rankdata
 
 from studies.concealed.orders import NAMES
 
-ACCEPTED = 0.05  # NRMSE of the base alone up to which a fit is accepted by eye
+SEEN = 40.0  # whitened energy beyond the refitted base; below it nothing is to be seen
+SURE = 0.9  # a name given this probability or more is asserted
+CLIP = 1e-3  # a probability of 0 that comes true would cost an infinite log score
 NOISE = 1.01  # times the noise, up to which nothing is left to tell anything by
-CONFIDENT = 0.5  # a name given this probability or more is asserted
+CLASSES = ("null", "single", "pair", "alien")
 AND_MORE, SEVERAL = "it and more", "several"
-VERDICTS = ("nothing_missing", "undetermined", "unexplained", "no diagnosis")
 ABSENT: dict[str, Any] = {"verdict": "no diagnosis", "selected": [], "mismatch": []}
+
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -68,15 +74,232 @@ def wilson(right: int, of: int, z: float = 1.959964) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def confidently_named(diagnosis: Mapping[str, Any]) -> set[str]:
-    """Effects that the diagnosis asserts: selected, and not with a low probability."""
-    if diagnosis["verdict"] not in ("explained", "partly_explained"):
-        return set()
-    told = {
-        e["effect"]: e.get("probability") for e in diagnosis.get("explanations", [])
+@dataclass(frozen=True)
+class Truth:
+    """What was concealed in a case; energies are whitened sums of squares.
+
+    `energy` is what the base leaves at its best; `beyond` what each of two effects adds
+    beside the other.
+    """
+
+    case: str
+    cls: str
+    effects: tuple[str, ...] = ()
+    energy: float = 0.0
+    beyond: Mapping[str, float] = field(default_factory=dict)
+    noise: str = ""  # its kind
+
+    @property
+    def seen(self) -> bool:
+        """Whether there is something to see; a null hides nothing and always counts."""
+        if self.cls == "null":
+            return True
+        return self.energy > SEEN and all(v > SEEN for v in self.beyond.values())
+
+
+def right(truth: Truth, diagnosis: Mapping[str, Any]) -> bool:
+    """Whether a diagnosis names what is there and nothing else."""
+    if diagnosis["verdict"] == ABSENT["verdict"]:
+        return False
+    if truth.cls == "null" and diagnosis["verdict"] != "nothing_missing":
+        return False
+    return set(diagnosis["selected"]) == set(truth.effects)
+
+
+def chances(diagnosis: Mapping[str, Any]) -> dict[str, float]:
+    """The probability of each effect that has one; an explanation's own counts."""
+    told = [*diagnosis.get("candidates", []), *diagnosis.get("explanations", [])]
+    return {
+        t["effect"]: float(t["probability"])
+        for t in told
+        if t.get("effect") and t.get("probability") is not None
     }
-    chances = {n: told.get(n) for n in diagnosis["selected"]}
-    return {n for n, p in chances.items() if p is None or p >= CONFIDENT}
+
+
+def row(truth: Truth, diagnosis: Mapping[str, Any]) -> Row:
+    """What is counted of a case."""
+    told = chances(diagnosis)
+    ranked = [c["effect"] for c in diagnosis.get("candidates", []) if c.get("effect")]
+    return {
+        "case": truth.case,
+        "cls": truth.cls,
+        "effects": list(truth.effects),
+        "noise": truth.noise,
+        "seen": truth.seen,
+        "verdict": diagnosis["verdict"],
+        "selected": list(diagnosis["selected"]),
+        "equivalent": sorted(equivalents(diagnosis) - set(diagnosis["selected"])),
+        "first": ranked[0] if ranked else None,
+        "right": right(truth, diagnosis),
+        "unsure": max(told.values(), default=0.0) < SURE
+        and diagnosis["verdict"] != ABSENT["verdict"],
+        "names": [[n, p, n in truth.effects] for n, p in sorted(told.items())],
+    }
+
+
+def rate(rows: Iterable[Row], hit: Callable[[Row], bool] | str = "right") -> Row:
+    """Share of rows that `hit`, a test or a key; JSON-ready."""
+    flags = [bool(r[hit] if isinstance(hit, str) else hit(r)) for r in rows]
+    return Rate(sum(flags), len(flags)).entry()
+
+
+def leads(row: Row) -> bool:
+    """Whether a true effect is first among the candidates."""
+    return row["first"] in row["effects"]
+
+
+def by_class(rows: Sequence[Row], count: Callable[[list[Row]], Any]) -> dict[str, Any]:
+    parts = {c: [r for r in rows if r["cls"] == c] for c in CLASSES}
+    return {c: count(part) for c, part in parts.items() if part}
+
+
+def part(rows: Sequence[Row]) -> dict[str, Any]:
+    """Ranking, naming, verdicts and calibration of some cases."""
+    listed = [r for r in rows if r["effects"]]
+    return {
+        "ranking": {
+            **by_class(listed, lambda some: rate(some, leads)),
+            "all": rate(listed, leads),
+        },
+        "naming": by_class(rows, rate),
+        "unsure": by_class(rows, lambda some: rate(some, "unsure")),
+        "verdict": by_class(
+            rows, lambda some: dict(Counter(r["verdict"] for r in some))
+        ),
+        "calibration": calibration([(p, ok) for r in rows for _, p, ok in r["names"]]),
+        "noise": {
+            kind: by_class([r for r in rows if r["noise"] == kind], rate)
+            for kind in sorted({r["noise"] for r in rows})
+        },
+        "effects": {e: of_effect(e, listed) for e in effects_of(listed)},
+    }
+
+
+def effects_of(rows: Iterable[Row]) -> list[str]:
+    return sorted({e for r in rows for e in r["effects"]})
+
+
+def of_effect(effect: str, rows: Sequence[Row]) -> dict[str, Any]:
+    """An effect alone: named alone, first; and named at all, alone or beside another."""
+    single = [r for r in rows if r["effects"] == [effect]]
+    some = [r for r in rows if effect in r["effects"]]
+    return {
+        **rate(single),
+        "first": rate(single, leads),
+        "named": rate(some, lambda r: effect in r["selected"]),
+    }
+
+
+def calibration(told: Sequence[tuple[float, bool]]) -> dict[str, Any]:
+    """How far probabilities can be believed, from (probability, whether right).
+
+    `log_score` is the mean logarithm of the probability given to what was so: 0 at
+    best; `gap` the mean distance of a decile's share from its mean probability.
+    """
+    p = np.array([p for p, _ in told], float)
+    ok = np.array([ok for _, ok in told], bool)
+    if not len(p):
+        return {"of": 0}
+    place = np.minimum((10 * p + 1e-9).astype(int), 9)
+    deciles = [
+        {
+            "from": i / 10,
+            "mean": float(p[place == i].mean()),
+            **Rate(int(ok[place == i].sum()), int((place == i).sum())).entry(),
+        }
+        for i in np.unique(place)
+    ]
+    given = np.clip(np.where(ok, p, 1 - p), CLIP, 1)
+    return {
+        "of": len(p),
+        "deciles": deciles,
+        "sure": Rate(int(ok[p >= SURE].sum()), int((p >= SURE).sum())).entry(),
+        "log_score": float(np.log(given).mean()),
+        "brier": float(np.mean((p - ok) ** 2)),
+        "auc": auc(p[ok], p[~ok]),
+        "gap": sum(d["of"] * abs(d["rate"] - d["mean"]) for d in deciles) / len(p),
+    }
+
+
+def auc(right: Sequence[float] | np.ndarray, wrong: Sequence[float] | np.ndarray):
+    """Chance that a right one is given more than a wrong one, a tie counting half.
+
+    Hanley and McNeil 1982, doi:10.1148/radiology.143.1.7063747.
+
+    >>> auc([0.9, 0.4], [0.4, 0.1])
+    0.875
+    """
+    n, m = len(right), len(wrong)
+    if not n or not m:
+        return None
+    ranks = rankdata(np.concatenate([right, wrong]))[:n].sum()
+    return float((ranks - n * (n + 1) / 2) / (n * m))
+
+
+def summary(rows: Sequence[Row]) -> dict[str, Any]:
+    """Everything that any trial reports: all cases, those to be seen, the others."""
+    return {
+        "all": part(rows),
+        "visible": part([r for r in rows if r["seen"]]),
+        "others": part([r for r in rows if not r["seen"]]),
+        "confusion": confusion(rows),
+        "misses": [miss(r) for r in rows if not r["right"]],
+    }
+
+
+def confusion(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
+    """Counts, row by truth (single effects, null, alien), column by what is named."""
+    result: dict[str, Counter[str]] = {n: Counter() for n in (*NAMES, "null", "alien")}
+    for r in rows:
+        if r["cls"] != "pair":
+            result["+".join(r["effects"]) or r["cls"]][column(r)] += 1
+    return {name: dict(counts) for name, counts in result.items() if counts}
+
+
+def column(row: Row) -> str:
+    """Where a case falls in the confusion matrix: by its name, or else its verdict."""
+    selected = row["selected"]
+    if len(selected) > 1:
+        return AND_MORE if set(row["effects"]) & set(selected) else SEVERAL
+    return str(selected[0] if selected else row["verdict"])
+
+
+def miss(row: Row) -> Row:
+    keys = ("case", "cls", "effects", "verdict", "selected", "equivalent", "noise")
+    return {k: row[k] for k in keys} | {"cause": cause(row)}
+
+
+def cause(row: Row) -> str:
+    """Why a case is wrong, as far as its truth tells.
+
+    Only some truths know the `oracle`'s power, that of each of two effects `beside` the
+    forms of the other, and how far what is left lies `over_noise`.
+    """
+    truth, selected = set(row["effects"]), set(row["selected"])
+    if row["verdict"] == ABSENT["verdict"]:
+        return "no diagnosis was written"
+    if row["cls"] == "null":
+        if selected:
+            return "something named where nothing is missing"
+        return "nothing named, but nothing_missing not said"
+    if row["cls"] == "alien":
+        if row.get("over_noise", NOISE) < NOISE:
+            return "on no list, but what was named leaves no more than noise"
+        return "a name for something on no list"
+    if not row["seen"] or row.get("oracle", 1.0) < 0.8:
+        return "hardly visible in these recordings after a refit"
+    if truth < selected:
+        return "right, and more"
+    if truth <= selected | set(row["equivalent"]):
+        return "listed as equivalent to what was named"
+    if selected & truth:
+        beside = row.get("beside", {})
+        if max(beside.get(e, 1.0) for e in truth - selected) < 0.8:
+            return "one of two, in whose forms the other is lost, says the oracle"
+        return "one of two found" + ", and more" * bool(selected - truth)
+    if not selected:
+        return "nothing named" + ", though it leads" * leads(row)
+    return "another effect named" + ", though it leads" * leads(row)
 
 
 def equivalents(diagnosis: Mapping[str, Any]) -> set[str]:
@@ -88,300 +311,15 @@ def equivalents(diagnosis: Mapping[str, Any]) -> set[str]:
     return found
 
 
-def right(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> bool:
-    """Whether a case of any group counts as right, by the bar of its group."""
-    if diagnosis["verdict"] == "no diagnosis":
-        return False
-    if answer["group"] == "null":
-        return diagnosis["verdict"] == "nothing_missing"
-    if answer["group"] == "unlisted":
-        return not confidently_named(diagnosis)
-    named = diagnosis["verdict"] in ("explained", "partly_explained")
-    return named and set(diagnosis["selected"]) == set(answer["effects"])
-
-
-def column(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> str:
-    """Where a diagnosis falls in the confusion matrix."""
-    if diagnosis["verdict"] in VERDICTS:
-        return str(diagnosis["verdict"])
-    selected = diagnosis["selected"]
-    if not selected:
-        return "unexplained"
-    if len(selected) == 1:
-        return str(selected[0])
-    one = answer["group"] == "single" and answer["effects"][0] in selected
-    return AND_MORE if one else SEVERAL
-
-
-def mask_of(spans: Sequence[Sequence[int]], samples: int) -> np.ndarray:
-    mask = np.zeros(samples, dtype=bool)
-    for start, end in spans:
-        mask[start:end] = True
-    return mask
-
-
-def region_f1(
-    answer: Mapping[str, Any],
-    diagnosis: Mapping[str, Any],
-    times_s: Mapping[str, np.ndarray],
-    which: str = "acts",
-) -> float | None:
-    """F1 over the samples of a case; None where the effect never acts by two sigmas.
-
-    `which` is "acts" (the effect moves the stress by more than two noise sigmas) or
-    "left" (so does what a generous refit of the base leaves).
-    """
-    true_positive = false = missed = 0
-    for recording, spans in zip(answer["recordings"], answer[which], strict=True):
-        time = times_s[recording["name"]]
-        truth = mask_of(spans, len(time))
-        found = np.zeros(len(time), dtype=bool)
-        for region in diagnosis["mismatch"]:
-            if Path(region["recording"]).stem == recording["name"]:
-                found |= (time >= region["start_s"]) & (time <= region["end_s"])
-        true_positive += int(np.sum(truth & found))
-        false += int(np.sum(~truth & found))
-        missed += int(np.sum(truth & ~found))
-    if true_positive + missed == 0:
-        return None
-    return 2 * true_positive / (2 * true_positive + false + missed)
-
-
-def read_diagnoses(
-    answers: Iterable[Mapping[str, Any]], folder: Path
-) -> dict[str, dict[str, Any]]:
-    """diagnosis.json by case; `ABSENT` where there is none."""
-    found = {}
-    for answer in answers:
-        file = folder / answer["case"] / "diagnosis.json"
-        found[answer["case"]] = (
-            json.loads(file.read_text(encoding="utf-8")) if file.exists() else ABSENT
-        )
-    return found
-
-
-def read_times(answer: Mapping[str, Any], cases: Path) -> dict[str, np.ndarray]:
-    folder = cases / answer["case"] / "recordings"
-    return {
-        r["name"]: pd.read_csv(folder / f"{r['name']}.csv", usecols=["time_s"])[
-            "time_s"
-        ].to_numpy()
-        for r in answer["recordings"]
-    }
-
-
 def median(values: Iterable[float | None]) -> float | None:
     kept = [v for v in values if v is not None and np.isfinite(v)]
     return float(np.median(kept)) if kept else None
 
 
-def heldout_over_floor(
-    answer: Mapping[str, Any], diagnosis: Mapping[str, Any]
-) -> float | None:
-    """Held-out NRMSE of the corrected model over that of the noise alone."""
-    after = diagnosis.get("fit", {}).get("after", {}).get("heldout_nrmse")
-    return None if after is None else float(after) / float(answer["noise_nrmse"])
-
-
-def after_over_noise(
-    answer: Mapping[str, Any], diagnosis: Mapping[str, Any]
-) -> float | None:
-    """Error of the corrected model on the recordings over that of the noise alone."""
-    after = diagnosis.get("fit", {}).get("after", {}).get("nrmse")
-    return None if after is None else float(after) / float(answer["noise_nrmse"])
-
-
-def base_nrmse(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> float:
-    """NRMSE of the base with nothing added: what a practitioner looks at.
-
-    As the diagnosis found it: refitted, unless it was given as a simulation. Without a
-    diagnosis, what the key's own refit leaves and the noise, added in squares.
-    """
-    found = diagnosis.get("fit", {}).get("before", {}).get("nrmse")
-    if found is not None:
-        return float(found)
-    return float(np.hypot(answer["left_nrmse"], answer["noise_nrmse"]))
-
-
-def concealment(table: pd.DataFrame) -> dict[str, Any]:
-    """How much was found in the cases whose base would have been accepted by eye."""
-    listed = table[table.group.isin(["single", "pair"])]
-    single = table[table.group == "single"]
-    return {
-        "accepted_below_nrmse": ACCEPTED,
-        "groups": {g: concealed_share(t) for g, t in table.groupby("group")},
-        "effects": {e: concealed_share(t) for e, t in single.groupby("effects")},
-        "cases": [
-            {k: row[k] for k in ("case", "effects", "base_nrmse", "named", "right")}
-            for row in listed.to_dict("records")
-        ],
-    }
-
-
-def concealed_share(table: pd.DataFrame) -> dict[str, Any]:
-    """Of some cases: how many were accepted by eye, and what was named in those."""
-    accepted = table[table.accepted]
-    return {
-        "base_nrmse": median(table.base_nrmse),
-        "accepted": Rate(len(accepted), len(table)).entry(),
-        "named": Rate(int(accepted.named.sum()), len(accepted)).entry(),
-        "right": rate(accepted),
-    }
-
-
-def unseen_over_floor(
-    answer: Mapping[str, Any], simulated_MPa: np.ndarray | None
-) -> float | None:
-    """What a noisy recording of the unseen programme would show, over its noise.
-
-    The corrected model's error on the clean stress and the noise of the case add in
-    squares; 1 is a perfect prediction.
-    """
-    if answer["unseen"] is None or simulated_MPa is None:
-        return None
-    clean = np.asarray(answer["unseen"]["clean_MPa"])
-    error = np.mean((simulated_MPa - clean) ** 2)
-    return float(np.sqrt(1 + error / answer["noise"]["sigma_MPa"] ** 2))
-
-
-def score(
-    answers: Sequence[Mapping[str, Any]],
-    diagnoses: Mapping[str, Mapping[str, Any]],
-    times_s: Mapping[str, Mapping[str, np.ndarray]],
-    simulated_MPa: Mapping[str, np.ndarray],
-) -> dict[str, Any]:
-    """Everything that the trial reports, JSON-ready.
-
-    Times by case and recording; corrected models' stress for the unseen programmes by
-    case, where there is one.
-    """
-    rows = []
-    for answer in answers:
-        d = diagnoses[answer["case"]]
-        times = times_s[answer["case"]]
-        nrmse = base_nrmse(answer, d)
-        rows.append(
-            {
-                "case": answer["case"],
-                "group": answer["group"],
-                "effects": "+".join(answer["effects"]),
-                "right": right(answer, d),
-                "base_nrmse": nrmse,
-                "accepted": nrmse < ACCEPTED,
-                "named": bool(answer["effects"])
-                and set(answer["effects"]) <= set(d["selected"]),
-                "column": column(answer, d),
-                "verdict": d["verdict"],
-                "selected": list(d["selected"]),
-                "equivalent": sorted(equivalents(d) - set(d["selected"])),
-                "oracle": min(
-                    [p["oracle_power"] for p in answer["planted"].values()], default=1.0
-                ),
-                "beside": {e: p["power_beside"] for e, p in answer["planted"].items()},
-                "over_noise": after_over_noise(answer, d),
-                "f1": region_f1(answer, d, times),
-                "f1_left": region_f1(answer, d, times, "left"),
-                "heldout": heldout_over_floor(answer, d),
-                "unseen": unseen_over_floor(answer, simulated_MPa.get(answer["case"])),
-                **{k: answer[k] for k in ("dirty", "simulated", "history")},
-                "noise": answer["noise"]["kind"],
-                "level": answer["noise"]["level"],
-            }
-        )
-    table = pd.DataFrame(rows)
-    listed = table[table.group.isin(["single", "pair"])]
-    return {
-        "groups": {g: rate(t) for g, t in table.groupby("group")},
-        "effects": {
-            e: {
-                **rate(t),
-                "oracle_power": float(t.oracle.mean()),
-                "f1": median(t.f1),
-                "heldout_over_floor": median(t.heldout),
-                "unseen_over_floor": median(t.unseen),
-            }
-            for e, t in table[table.group == "single"].groupby("effects")
-        },
-        "unlisted": {
-            e: rate(t) for e, t in table[table.group == "unlisted"].groupby("effects")
-        },
-        # Not wrong is not yet right: whether it was seen that something is there.
-        "unlisted_noticed": noticed(table[table.group == "unlisted"]),
-        "conditions": {
-            f"{name} {value}": rate(t)
-            for name in ("dirty", "simulated", "history", "noise", "level")
-            for value, t in table.groupby(name)
-        },
-        "concealment": concealment(table),
-        "power": power_against_oracle(table[table.group == "single"]),
-        "region_f1": median(listed.f1),
-        "region_f1_left": median(listed.f1_left),
-        "region_f1_of": int(listed.f1.notna().sum()),
-        "heldout_over_floor": median(listed.heldout),
-        "unseen_over_floor": median(listed.unseen),
-        "unseen_of": int(listed.unseen.notna().sum()),
-        "confusion": confusion(table),
-        "misses": [miss(r) for r in rows if not r["right"]],
-    }
-
-
-def rate(table: pd.DataFrame) -> dict[str, float | int]:
-    return Rate(int(table.right.sum()), len(table)).entry()
-
-
-def noticed(table: pd.DataFrame) -> dict[str, float | int]:
-    seen = ~table.verdict.isin(["nothing_missing", "no diagnosis"])
-    return Rate(int(seen.sum()), len(table)).entry()
-
-
-def power_against_oracle(singles: pd.DataFrame) -> float | None:
-    """Share of single effects found, over the oracle's mean power on the same cases."""
-    if not len(singles) or singles.oracle.sum() == 0:
-        return None
-    found = [
-        e in s for e, s in zip(singles["effects"], singles["selected"], strict=True)
-    ]
-    return float(np.mean(found) / singles.oracle.mean())
-
-
-def confusion(table: pd.DataFrame) -> dict[str, dict[str, int]]:
-    """Counts, row by truth (single effects, null, unlisted), column by diagnosis."""
-    result: dict[str, dict[str, int]] = {}
-    for name in (*NAMES, "null", "unlisted"):
-        if name in ("null", "unlisted"):
-            part = table[table.group == name]
-        else:
-            part = table[(table.group == "single") & (table["effects"] == name)]
-        if len(part):
-            result[name] = dict(Counter(part.column))
-    return result
-
-
-def miss(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A wrong case with its cause, as far as the key can tell it."""
-    truth = set(row["effects"].split("+")) if row["effects"] else set()
-    selected = set(row["selected"])
-    if row["verdict"] == "no diagnosis":
-        cause = "no diagnosis was written"
-    elif row["group"] == "null":
-        cause = "something named where nothing is missing"
-        if not selected:
-            cause = "nothing named, but nothing_missing not said"
-    elif row["group"] == "unlisted":
-        cause = "confident name for something on no list"
-        if row["over_noise"] < NOISE:
-            cause = "on no list, but what was named leaves no more than noise"
-    elif row["oracle"] < 0.8:
-        cause = "not visible in these recordings, the oracle's power is below 0.8"
-    elif truth < selected:
-        cause = "right, and more"
-    elif truth <= selected | set(row["equivalent"]):
-        cause = "listed as equivalent to what was named"
-    elif selected & truth and max(row["beside"][e] for e in truth - selected) < 0.8:
-        cause = "one of two, in whose forms the other is lost, says the oracle"
-    elif selected & truth:
-        cause = "one of two found"
-    else:
-        cause = "another effect named" if selected else "nothing named"
-    keys = ("case", "group", "effects", "verdict", "selected", "equivalent", "noise")
-    return {k: row[k] for k in keys} | {"oracle_power": row["oracle"], "cause": cause}
+def read_diagnoses(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any]]:
+    """diagnosis.json by case; `ABSENT` where there is none."""
+    found = {}
+    for name in names:
+        file = folder / name / "diagnosis.json"
+        found[name] = json.loads(file.read_text("utf-8")) if file.exists() else ABSENT
+    return found

@@ -235,7 +235,7 @@ def read_answers(
     folder: Path, name: str, keys: Sequence[Mapping[str, Any]]
 ) -> dict[str, dict[str, Any]]:
     if name == SOFTNN:
-        return scoring.read_diagnoses(keys, folder / "diagnoses")
+        return scoring.read_diagnoses((k["case"] for k in keys), folder / "diagnoses")
     return {
         k["case"]: json.loads(
             answer_file(folder, name, Path(k["case"])).read_text(encoding="utf-8")
