@@ -14,7 +14,8 @@ import pytest
 from softnn.contracts import Chunk, InputError
 from softnn.effects import EFFECTS
 from softnn.mismatch import verify
-from studies.concealed import scoring, sealing
+from studies import scoring
+from studies.concealed import sealing
 from studies.rivals import (
     classifier,
     columns,
@@ -511,15 +512,14 @@ def test_answers_are_scored_and_written(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "trial"
 
-    def diagnose(where, jobs, seed, timed):
+    def diagnose(where, record, jobs, timed):
         for case in (where / "cases").iterdir():
             out = where / "diagnoses" / case.name
             out.mkdir(parents=True)
             (out / "diagnosis.json").write_text(json.dumps(said(["zero_offset"])))
-        return {"wall_s": 1.0}
 
     tracked = []
-    monkeypatch.setattr(trial, "diagnose", diagnose)
+    monkeypatch.setattr(trial, "diagnose_rest", diagnose)
     monkeypatch.setattr(table, "track", lambda *a: tracked.append(a))
     run = ["--smoke", "--jobs", "1", "--out", str(folder), "--methods", "softnn", "omp"]
     assert trial.main(run) == 0

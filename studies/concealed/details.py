@@ -9,22 +9,26 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.concealed.scoring import Rate, Row, Truth, median, rate, row
+from studies.scoring import Rate, Row, Truth, median, rate, row
 
 ACCEPTED = 0.05  # NRMSE of the base alone up to which a fit is accepted by eye
 
 
+def hidden_in(answer: Mapping[str, Any], **more: Any) -> Truth:
+    """What an answer of the key says was concealed, as any trial's truth."""
+    alien = answer["group"] == "unlisted"
+    cls, effects = ("alien", ()) if alien else (answer["group"], answer["effects"])
+    return Truth(answer.get("case", ""), cls, tuple(effects), **more)
+
+
 def truth_of(answer: Mapping[str, Any]) -> Truth:
-    """An answer of the key as any trial's truth."""
-    cls = "alien" if answer["group"] == "unlisted" else answer["group"]
+    """The same, with what a refit leaves of it and the kind of noise."""
     energies = {e: float(p["energy"]) for e, p in answer["planted"].items()}
-    return Truth(
-        answer["case"],
-        cls,
-        () if cls == "alien" else tuple(answer["effects"]),
-        max(energies.values(), default=0.0),
-        energies if cls == "pair" else {},
-        answer["noise"]["kind"],
+    return hidden_in(
+        answer,
+        energy=max(energies.values(), default=0.0),
+        beyond=energies if answer["group"] == "pair" else {},
+        noise=answer["noise"]["kind"],
     )
 
 
@@ -84,7 +88,11 @@ def details(rows: Sequence[Row]) -> dict[str, Any]:
             for name in ("dirty", "simulated", "history", "level")
             for value, some in grouped(rows, name).items()
         },
-        "concealment": concealment(rows),
+        # How much was found in the cases whose base would have been accepted by eye.
+        "concealment": {
+            "accepted_below_nrmse": ACCEPTED,
+            "groups": {c: concealed_share(t) for c, t in grouped(rows, "cls").items()},
+        },
         "power": power_against_oracle(single),
         "region_f1": median(r["f1"] for r in listed),
         "region_f1_left": median(r["f1_left"] for r in listed),
@@ -97,13 +105,6 @@ def details(rows: Sequence[Row]) -> dict[str, Any]:
 
 def grouped(rows: Sequence[Row], key: str) -> dict[Any, list[Row]]:
     return {v: [r for r in rows if r[key] == v] for v in sorted({r[key] for r in rows})}
-
-
-def mask_of(spans: Sequence[Sequence[int]], samples: int) -> np.ndarray:
-    mask = np.zeros(samples, dtype=bool)
-    for start, end in spans:
-        mask[start:end] = True
-    return mask
 
 
 def region_f1(
@@ -120,8 +121,9 @@ def region_f1(
     true_positive = false = missed = 0
     for recording, spans in zip(answer["recordings"], answer[which], strict=True):
         time = times_s[recording["name"]]
-        truth = mask_of(spans, len(time))
-        found = np.zeros(len(time), dtype=bool)
+        truth, found = np.zeros((2, len(time)), dtype=bool)
+        for start, end in spans:
+            truth[start:end] = True
         for region in diagnosis["mismatch"]:
             if Path(region["recording"]).stem == recording["name"]:
                 found |= (time >= region["start_s"]) & (time <= region["end_s"])
@@ -161,18 +163,6 @@ def base_nrmse(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> float
     if found is not None:
         return float(found)
     return float(np.hypot(answer["left_nrmse"], answer["noise_nrmse"]))
-
-
-def concealment(rows: Sequence[Row]) -> dict[str, Any]:
-    """How much was found in the cases whose base would have been accepted by eye."""
-    single = [r for r in rows if r["cls"] == "single"]
-    return {
-        "accepted_below_nrmse": ACCEPTED,
-        "groups": {c: concealed_share(t) for c, t in grouped(rows, "cls").items()},
-        "effects": {
-            e: concealed_share(t) for e, t in grouped(single, "planted").items()
-        },
-    }
 
 
 def concealed_share(rows: Sequence[Row]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import pandas as pd
 from softnn.noise import estimate
 from studies.common import markdown
 from studies.concealed.oracle import whiten
-from studies.concealed.scoring import Truth
+from studies.scoring import Truth
 
 Array = np.ndarray
 
@@ -56,18 +56,13 @@ def check(folder: Path, truths: Iterable[Truth]) -> dict[str, Any]:
     """Median and 10-90 % range of the whitened misfit by kind of noise."""
     kinds: dict[str, list[float]] = {}
     for t in truths:
-        found = misfits(folder / "cases" / t.case, folder / "truth" / t.case)
-        kinds.setdefault(t.noise, []).extend(found or [])
-    named = {k: v for k, v in sorted(kinds.items()) if v}
-    everything = {"all": sum(named.values(), [])} if named else {}
+        found = misfits(folder / "cases" / t.case, folder / "truth" / t.case) or []
+        for kind in (t.noise, "all") if found else ():
+            kinds.setdefault(kind, []).extend(found)
     return {
-        kind: {
-            "median": float(np.median(v)),
-            "low": float(np.quantile(v, 0.1)),
-            "high": float(np.quantile(v, 0.9)),
-            "of": len(v),
-        }
-        for kind, v in (named | everything).items()
+        kind: {f"q{q}": float(np.percentile(v, q)) for q in (10, 50, 90)}
+        | {"of": len(v)}
+        for kind, v in sorted(kinds.items())
     }
 
 
@@ -76,7 +71,7 @@ def table(found: dict[str, Any]) -> str:
         return "No truth has the clean stress: the noise cannot be checked."
     heads = ["noise", "whitened misfit of the truth, median", "10 to 90 %"]
     cells = [
-        [k, f"{v['median']:.2f}", f"{v['low']:.2f} to {v['high']:.2f}", v["of"]]
+        [k, f"{v['q50']:.2f}", f"{v['q10']:.2f} to {v['q90']:.2f}", v["of"]]
         for k, v in found.items()
     ]
     return markdown([*heads, "recordings"], cells)

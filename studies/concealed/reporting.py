@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from studies import scoring
 from studies.common import (
     FAINT,
     RUNS,
@@ -20,19 +21,13 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.concealed import noise_check, orders, scoring
+from studies.concealed import noise_check, orders
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-VERDICTS = (  # of cases without a name
-    "nothing_missing",
-    "undetermined",
-    "unexplained",
-    "partly_explained",
-    "explained",
-    "no diagnosis",
-)
+MOST_CAUSES = 20
+VERDICTS = ("nothing_missing", "undetermined", "unexplained", "no diagnosis")
 
 
 def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -86,13 +81,10 @@ def report(
     tracking: str | None,
 ) -> None:
     """Print, write and track what came out."""
-    rows = bars(scores, record)
-    label = str(record["label"])
-    if record["opened_before"]:
-        print(
-            f"Opened before: {'; '.join(record['opened_before'])}. No fresh evidence."
-        )
+    rows, label = bars(scores, record), str(record["label"])
     note = as_markdown(rows, scores)
+    if record["opened_before"]:
+        note = f"Opened before: {'; '.join(record['opened_before'])}.\n\n{note}"
     print(note)
     headline: dict[str, float | None] = {}
     for row in rows:
@@ -103,57 +95,54 @@ def report(
     name = "concealed" if record["generator"] == "forge" else "hands"
     where = results_folder() if record["published"] else folder
     trials: dict[str, Any] = {}
-    earlier = where / f"{name}.json"
+    metrics, earlier = headline, where / f"{name}.json"
     if record["published"] and earlier.exists():  # the others stay
         old = json.loads(earlier.read_text(encoding="utf-8"))
         trials = {k: v for k, v in old["trials"].items() if k != label}
         kept = {k: v for k, v in old["headline"].items() if k.split("/")[0] in trials}
         headline = kept | headline
-    kept_record = {k: v for k, v in record.items() if k != "cases_in"}
-    trials[label] = {"record": kept_record, "bars": rows, **scores}
+    told = {k: v for k, v in record.items() if k != "cases_in"}
+    trials[label] = {"record": told, "bars": rows, **scores}
+    keys = {f"{k} key": t["record"]["key_sha256"] for k, t in trials.items()}
     written = write_result(
-        name,
-        headline,
-        {"trials": trials},
-        seed=record["seed"],
-        data={f"{k} key": t["record"]["key_sha256"] for k, t in trials.items()},
-        folder=where,
+        name, headline, {"trials": trials}, seed=record["seed"], data=keys, folder=where
     )
-    figures = save_figure(
-        confusion_figure(scores["confusion"]), f"{name}-{label}", where
-    )
-    track(record, headline, note, [written, *figures, folder / "record.json"], tracking)
+    figure = confusion_figure(scores["confusion"])
+    figures = save_figure(figure, f"{name}-{label}", where)
+    track(record, metrics, note, [written, *figures, folder / "record.json"], tracking)
 
 
 def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) -> str:
     """The tables of a trial: bars, what is seen and what is not, causes of misses."""
-
-    def shown(r: Mapping[str, Any]) -> str | None:
-        value = r.get("rate")
-        if value is None:
-            return None
-        return percent(value, 1) if "low" in r else f"{value:.3g}"
-
-    says = {True: "yes", False: "no", None: None}
-    first = markdown(
-        ["what, in cases to be seen", "found", "95 % interval", "cases", "bar", "met"],
-        [
-            [r["what"], shown(r), interval(r), r.get("of"), f"{r['bar']:g}"]
-            + [says[r["met"]]]
-            for r in rows
-        ],
-    )
-    causes = Counter(
-        ("+".join(m["effects"]) or m["cls"], m["cause"]) for m in scores["misses"]
-    )
-    missed = [[what, why, n] for (what, why), n in sorted(causes.items())]
-    tables = [first, parts_table(scores), effects_table(scores)]
+    tables = [bars_table(rows), parts_table(scores), effects_table(scores)]
     tables += [calibration_table(scores["all"]["calibration"])]
-    if "concealment" in scores:
-        tables.append(concealment_table(scores["concealment"]))
     if "noise_check" in scores:
         tables.append(noise_check.table(scores["noise_check"]))
-    return "\n\n".join([*tables, markdown(["missed", "cause", "cases"], missed)])
+    return "\n\n".join([*tables, causes_table(scores["misses"])])
+
+
+def causes_table(misses: Sequence[Mapping[str, Any]], head: str = "planted") -> str:
+    """Misses by what was planted and why, the most frequent first."""
+    pair = "two effects"
+    counts = Counter(
+        (pair if m["cls"] == "pair" else "".join(m["effects"]) or m["cls"], m["cause"])
+        for m in misses
+    )
+    shown = counts.most_common(MOST_CAUSES)
+    rows: list[list[Any]] = [[what, why, n] for (what, why), n in shown]
+    if rest := len(misses) - sum(n for _, n in shown):
+        rows.append(["others", "one or few of a kind", rest])
+    return markdown([head, "why", "cases"], rows)
+
+
+def bars_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    says = {True: "yes", False: "no", None: None}
+    cells = []
+    for r in rows:
+        value = r.get("rate")
+        found = cell(r) if "of" in r else None if value is None else f"{value:.3g}"
+        cells.append([r["what"], found, f"{r['bar']:g}", says[r["met"]]])
+    return markdown(["what, in cases to be seen", "found", "bar", "met"], cells)
 
 
 def cell(r: Mapping[str, Any] | None) -> str | None:
@@ -212,55 +201,11 @@ def calibration_table(told: Mapping[str, Any]) -> str:
     )
 
 
-def interval(r: Mapping[str, Any]) -> str | None:
-    if r.get("low") is None or not math.isfinite(r["low"]):
-        return None
-    return f"{percent(r['low'], 1)} to {percent(r['high'], 1)}"
-
-
-def concealment_table(hidden: Mapping[str, Any]) -> str:
-    """Effect by effect: what was found where the base alone looks good enough."""
-    limit = percent(hidden["accepted_below_nrmse"], 0)
-    return markdown(
-        [
-            "effect",
-            "base alone, median NRMSE",
-            f"cases within {limit}",
-            "named in those",
-            "right and only",
-            "95 % interval",
-        ],
-        [
-            [
-                name,
-                percent(e["base_nrmse"], 1),
-                f"{e['accepted']['right']} of {e['accepted']['of']}",
-                percent(e["named"]["rate"], 0),
-                percent(e["right"]["rate"], 0),
-                interval(e["right"]),
-            ]
-            for name, e in (
-                *hidden["effects"].items(),
-                *((f"all of {g}", e) for g, e in hidden["groups"].items()),
-            )
-        ],
-    )
-
-
 def confusion_figure(counts: Mapping[str, Mapping[str, int]]) -> Figure:
     """Rows: what was planted; columns: what was named. Shares of the row."""
-    rows = list(counts)
-    used = {c for row in counts.values() for c in row}
-    columns = [
-        c
-        for c in (
-            *orders.NAMES,
-            scoring.AND_MORE,
-            scoring.SEVERAL,
-            *VERDICTS,
-        )
-        if c in used or c in rows
-    ]
+    rows, used = list(counts), {c for row in counts.values() for c in row}
+    possible = (*orders.NAMES, scoring.AND_MORE, scoring.SEVERAL, *VERDICTS)
+    columns = [c for c in possible if c in used or c in rows]
     figure = new_figure(2.6 + 0.3 * len(columns), 2.2 + 0.24 * len(rows))
     axes = figure.subplots()
     shares = [

@@ -14,7 +14,7 @@ import numpy as np
 
 from studies.concealed.forge import forge_case
 from studies.concealed.orders import NAMES, Order
-from studies.concealed.scoring import CLASSES, Truth
+from studies.scoring import CLASSES, Truth
 
 
 def write_case(order: Order, cases: Path) -> dict[str, Any]:

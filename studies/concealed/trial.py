@@ -6,9 +6,9 @@ written is the key opened, which the ledger keeps. Seeds below 10000 are for
 development; a trial with a seed from 10000 on, of all effects, is written to
 studies/results/concealed.json.
 
---hands has the cases made by another hand, --cases-in takes those of a folder (cases/NAME
-and truth/NAME/truth.json); with a seed from 10000 on, or a --label, they are written to
-studies/results/hands.json. All are scored alike.
+--hands has the cases made by another hand, --cases-in takes those of a folder
+(cases/NAME and truth/NAME/truth.json); with a seed from 10000 on, or a --label, they
+are written to studies/results/hands.json. All are scored alike.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ import numpy as np
 import pandas as pd
 
 from softnn.contracts import InputError
+from studies import ledger, scoring
 from studies.common import (
     RUNS,
     code_of,
@@ -43,11 +44,9 @@ from studies.common import (
 )
 from studies.concealed import (
     details,
-    ledger,
     noise_check,
     orders,
     rivals,
-    scoring,
     sealing,
 )
 from studies.concealed.reporting import report
@@ -81,9 +80,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     whose = p.add_mutually_exclusive_group()
     whose.add_argument("--hands", choices=SIDES, help="cases by another hand")
-    whose.add_argument(
-        "--cases-in", type=Path, metavar="FOLDER", help="cases there are"
-    )
+    whose.add_argument("--cases-in", type=Path, metavar="FOLDER", help="these cases")
     only = p.add_mutually_exclusive_group()
     only.add_argument("--forge-only", type=Path, metavar="DIR", help="forge, no more")
     only.add_argument("--resume", type=Path, metavar="DIR", help="diagnose the rest")
@@ -113,9 +110,9 @@ def run(a: argparse.Namespace) -> None:
 
 def begun(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """A new trial: its folder, and its record with the hash of the key."""
-    label, side = f"strength-{a.strength:g}", SIDES[a.seed >= orders.FIRST_TRIAL_SEED]
+    label = f"strength-{a.strength:g}"
     sealed = a.seed >= orders.FIRST_TRIAL_SEED and not (a.only or a.smoke)
-    record: dict[str, Any] = {"generator": "forge", "side": side, "seed": a.seed}
+    record: dict[str, Any] = {"generator": "forge", "seed": a.seed}
     if a.hands:
         label, record["side"] = a.hands, a.hands
         asked = {k: getattr(a, k) for k in COUNTS}
@@ -123,7 +120,7 @@ def begun(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
         record |= {"generator": "hands", "counts": counts}
     elif a.cases_in:
         label, sealed = a.cases_in.resolve().name, False
-        record |= {"generator": "cases", "side": "", "seed": None}
+        record |= {"generator": "cases", "seed": None}
         record["cases_in"] = str(a.cases_in.resolve())
     else:
         record["strength"] = a.strength
@@ -166,8 +163,9 @@ def taken_up(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
 
 def source(folder: Path, record: Mapping[str, Any]) -> Path:
     """Where a trial's cases/ (and, by other hands, truth/) lie."""
-    own = {"forge": folder, "hands": folder / "forged"}
-    return own.get(record["generator"]) or Path(record["cases_in"])
+    if "cases_in" in record:
+        return Path(record["cases_in"])
+    return folder / "forged" if record.get("generator") == "hands" else folder
 
 
 def seal_foreign(folder: Path, record: dict[str, Any], jobs: int) -> None:
@@ -195,14 +193,17 @@ def read_sealed(read: Callable[[], Any]) -> Any:
         raise InputError(str(error)) from None
 
 
-def diagnose_rest(folder: Path, record: dict[str, Any], jobs: int) -> None:
+def diagnose_rest(
+    folder: Path, record: dict[str, Any], jobs: int, timed: int = TIMED_CASES
+) -> None:
+    """Diagnose what is not diagnosed; the record says by which code, and how fast."""
     cases = source(folder, record) / "cases"
     if undiagnosed(folder, cases):
         # More than one, where the code was changed before a trial was taken up again.
         code = {*record.get("code", []), code_of(package_files())}
         record["code"] = sorted(code)
         write_record(folder, record)
-    timed = 0 if record["smoke"] else TIMED_CASES
+    timed = 0 if record["smoke"] else timed
     record |= diagnose(folder, jobs, record["seed"] or 0, timed, cases)
     write_record(folder, record)
 
@@ -248,7 +249,7 @@ def opening_of(
     opening = {
         "trial": f"{record['started']} {key[:16]}",
         "opened": datetime.now(UTC).strftime("%Y-%m-%d"),
-        **{k: record.get(k) for k in ("generator", "side", "seed")},
+        **{k: record.get(k) for k in ("generator", "side", "seed", "strength")},
         "what": record["label"],
         "counts": dict(Counter(t.cls for t in truths)),
         "right": {},
@@ -337,14 +338,14 @@ def undiagnosed(folder: Path, cases: Path) -> list[str]:
 
 
 def diagnose(
-    folder: Path, jobs: int, seed: int, timed: int, where: Path | None = None
+    folder: Path, jobs: int, seed: int, timed: int, where: Path
 ) -> dict[str, Any]:
     """Run the command on the cases, as a user would; how long it took.
 
-    It is told the folders of the cases (in `where`, or `folder`/cases) and nothing else.
-    Cases that have a diagnosis from an interrupted run are left out.
+    It is told the folders of the cases (in `where`) and nothing else. Cases that have
+    a diagnosis from an interrupted run are left out.
     """
-    cases = undiagnosed(folder, where or folder / "cases")
+    cases = undiagnosed(folder, where)
     if not cases:
         return {}
     command = [*SOFTNN, "diagnose", "--seed", str(seed), "--jobs"]

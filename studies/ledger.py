@@ -16,7 +16,7 @@ from typing import Any
 from studies.common import markdown, plain
 
 Row = dict[str, Any]
-HEADS = ("opened", "generator", "side", "seed", "what", "cases", "right", "code", "")
+HEADS = ("opened", "generator", "side", "seed", "what", "cases", "right", "code", "new")
 
 
 def read(folder: Path) -> list[Row]:
@@ -83,8 +83,8 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
                 sum(r["counts"].values()) or None,
                 ", ".join(f"{k} {v}" for k, v in r["right"].items()) or None,
                 ", ".join(r["code"]) or None,
-                "opened before" if r["opened_before"] else None,
+                "opened before" if r["opened_before"] else "new",
             ]
-            for r in sorted(rows, key=lambda r: r["opened"], reverse=True)
+            for r in sorted(reversed(rows), key=lambda r: r["opened"], reverse=True)
         ],
     )

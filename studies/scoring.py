@@ -171,16 +171,16 @@ def part(rows: Sequence[Row]) -> dict[str, Any]:
             kind: by_class([r for r in rows if r["noise"] == kind], rate)
             for kind in sorted({r["noise"] for r in rows})
         },
-        "effects": {e: of_effect(e, listed) for e in effects_of(listed)},
+        "effects": {
+            e: of_effect(e, listed)
+            for e in NAMES
+            if any(e in r["effects"] for r in rows)
+        },
     }
 
 
-def effects_of(rows: Iterable[Row]) -> list[str]:
-    return sorted({e for r in rows for e in r["effects"]})
-
-
 def of_effect(effect: str, rows: Sequence[Row]) -> dict[str, Any]:
-    """An effect alone: named alone, first; and named at all, alone or beside another."""
+    """An effect alone: right, first; and whether it is named, beside another too."""
     single = [r for r in rows if r["effects"] == [effect]]
     some = [r for r in rows if effect in r["effects"]]
     return {
