@@ -414,7 +414,7 @@ def report(
     where = folder
     if record["published"] or record["smoke"]:
         where = results_folder(record["smoke"])
-    ledger.enter(opening_of(record, rows), results_folder(record["smoke"]))
+        ledger.enter(opening_of(record, rows), where)
     written = write_result(
         "limits",
         headline,
