@@ -40,7 +40,10 @@ def enter(row: Mapping[str, Any], folder: Path) -> Row:
         whole["opened"] = mine["opened"] if mine else row["opened"]
         kept = [whole if r is mine else r for r in rows] + [whole] * (mine is None)
         part = folder / "ledger.json.part"  # never half a ledger
-        part.write_text(json.dumps({"openings": plain(kept)}, indent=1) + "\n", "utf-8")
+        again = sum(bool(r["opened_before"]) for r in kept)
+        head = {"openings": len(kept), "opened_before": again}
+        content = {"study": "ledger", "headline": head, "openings": plain(kept)}
+        part.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
         part.replace(folder / "ledger.json")
     return whole
 

@@ -206,6 +206,8 @@ def test_the_noise_check_whitens_what_is_beyond_the_truth(tmp_path):
 def test_a_perfect_diagnosis_meets_every_bar(tmp_path, monkeypatch):
     """The whole way from the key to the report, with diagnoses written by the key."""
     monkeypatch.chdir(tmp_path)
+    # MLflow remembers a store by its address: a relative one may be another test's.
+    monkeypatch.setattr(reporting, "RUNS", tmp_path / "mlruns")
     folder = tmp_path / "trial"
     few = ["mullins_softening", "thermal_softening"]
     wanted = orders.plan(12, 1.0, each=1, nulls=2, pairs=1, unlisted=1, only=few)
