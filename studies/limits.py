@@ -31,8 +31,9 @@ from typing import Any
 
 from softnn.contracts import InputError
 from softnn.workers import workers
+from studies import scoring
 from studies.common import RUNS, code_of, guarded, package_files, parser
-from studies.concealed import orders, scoring, sealing
+from studies.concealed import details, orders, sealing
 from studies.concealed.noises import LEVELS
 from studies.concealed.trial import check_names
 from studies.limits_report import CORRELATION_S, report
@@ -130,11 +131,11 @@ def row_of(
         "selected": list(found["selected"]),
         "equivalent": sorted(scoring.equivalents(found) - set(found["selected"])),
         "named": effect in found["selected"],
-        "right": scoring.right(answer, found),
+        "right": scoring.right(details.hidden_in(answer), found),
         "oracle": planted.get("oracle_power"),
         "energy": planted.get("energy"),
         "samples": sum(r["samples"] for r in answer["recordings"]),
-        "base_nrmse": scoring.base_nrmse(answer, found),
+        "base_nrmse": details.base_nrmse(answer, found),
         "sigma_over_true": noise_ratio(answer, found),
         "correlation_s": found.get("noise", {}).get("correlation_time_s"),
         "seconds": found.get("seconds"),
@@ -201,8 +202,9 @@ class Store:
 def code() -> str:
     """A hash of what makes and diagnoses a case."""
     forge = (HERE / "concealed").glob("*.py")
-    aside = ("reporting.py", "trial.py")
-    return code_of([*package_files(), *(f for f in forge if f.name not in aside)])
+    aside = ("noise_check.py", "reporting.py", "trial.py")
+    used = [Path(scoring.__file__), *(f for f in forge if f.name not in aside)]
+    return code_of([*package_files(), *used])
 
 
 # --- the command ----------------------------------------------------------------------

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from studies import ledger
 from studies.common import (
     COLOURS,
     FAINT,
@@ -22,7 +24,7 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.concealed.scoring import Rate
+from studies.scoring import Rate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -412,6 +414,7 @@ def report(
     where = folder
     if record["published"] or record["smoke"]:
         where = results_folder(record["smoke"])
+        ledger.enter(opening_of(record, rows), where)
     written = write_result(
         "limits",
         headline,
@@ -424,6 +427,24 @@ def report(
         files += save_figure(effect_figure(name, entry), f"limits-{name}", where)
     print(f"written to {where}")
     track(record, headline, said_all, files, tracking)
+
+
+def opening_of(
+    record: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]
+) -> ledger.Row:
+    """What the ledger keeps of a grid."""
+    nulls = [r["right"] for r in rows if r["effect"] == "null"]
+    single = [r["named"] for r in rows if r["effect"] != "null"]
+    parts = {k: v for k, v in (("null", nulls), ("single", single)) if v}
+    seed = record["grid"]["seed"]
+    return {
+        "trial": f"limits {seed} {record['code']}",
+        "opened": datetime.now(UTC).strftime("%Y-%m-%d"),
+        **{"generator": "forge, grid", "side": None, "seed": seed, "what": "limits"},
+        "counts": {k: len(v) for k, v in parts.items()},
+        "right": {k: f"{sum(v)} of {len(v)}" for k, v in parts.items()},
+        "code": [record["code"]],
+    }
 
 
 def track(

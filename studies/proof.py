@@ -1,7 +1,8 @@
-"""One page on what was concealed, what was found, what was not, and why.
+"""What was concealed, what was found, what was not, and why: a page or two.
 
-`python -m studies.proof` writes docs/proof.md, and its figures, from the JSON files in
-studies/results alone; what has not been run is said to be so.
+`python -m studies.proof` writes docs/proof.md, docs/proof-hands.md of the trial by
+other hands, and their figures, from the JSON files in studies/results alone; what has
+not been run is said to be so.
 """
 
 from __future__ import annotations
@@ -9,12 +10,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from softnn.models.units import BASES
+from studies import proof_hands
 from studies.common import (
     COLOURS,
     FAINT,
@@ -26,11 +27,12 @@ from studies.common import (
     parser,
     percent,
 )
+from studies.concealed import reporting
 from studies.concealed.orders import NAMES
-from studies.concealed.scoring import Rate
 from studies.cost import cost_figure
 from studies.limits_report import curve, noise_table
 from studies.rivals import table
+from studies.scoring import Rate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,13 +40,14 @@ if TYPE_CHECKING:
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 COMMANDS = {  # of the result files the page is made of
     "concealed": "python -m studies.concealed",
+    "hands": "python -m studies.concealed --hands held-out",
+    "ledger": "python -m studies.concealed",
     "limits": "python -m studies.limits",
     "rivals": "python -m studies.rivals",
     "recordings": "python -m studies.recordings",
     "cost": "python -m studies.cost",
 }
 BASE = "pl-wiechert"  # of the real recordings that are shown
-MOST_CAUSES = 12
 # Kinds on no list that softnn.mismatch.strangers has a law for, written knowing them.
 WITH_LAWS = (
     "creep_damage",
@@ -54,6 +57,11 @@ WITH_LAWS = (
     "stiction",
     "thixotropy",
 )
+MADE = (
+    "Made by `python -m studies.proof` from `studies/results`; no number here is "
+    "typed. In brackets are 95 % intervals (Wilson for shares)."
+)
+OTHER = "[the proof by other hands](proof-hands.md)."
 DPI = 100  # small files: the figures lie in the repository
 
 Result = Mapping[str, Any]
@@ -90,9 +98,9 @@ class Page:
         else:
             write(self, found)
 
-    def write(self) -> Path:
+    def write(self, name: str = "proof.md") -> Path:
         self.folder.mkdir(parents=True, exist_ok=True)
-        path = self.folder / "proof.md"
+        path = self.folder / name
         path.write_text("\n\n".join(self.parts) + "\n", encoding="utf-8")
         return path
 
@@ -135,12 +143,14 @@ def concealed(page: Page, found: Result) -> None:
     trials = trials_of(found)
     for t in trials:
         record = t["record"]
-        groups = ", ".join(f"{g['of']} {name}" for name, g in t["groups"].items())
+        groups = t["all"]["naming"].items()
+        counts = ", ".join(f"{g['of']} {name}" for name, g in groups)
         page.say(
             f"Strength {record['strength']:g}, seed {record['seed']}: "
-            f"{record['cases']} cases ({groups}); SHA-256 of the key, on file before "
+            f"{record['cases']} cases ({counts}); SHA-256 of the key, on file before "
             f"anything was diagnosed: `{record['key_sha256'][:16]}...`."
         )
+    page.say(*dict.fromkeys(t["record"].get("note", "") for t in trials))
     page.say("### What was found", bars_table(trials))
     for t in trials:
         page.say(hidden_sentence(t))
@@ -185,7 +195,7 @@ def hidden_sentence(trial: Result) -> str:
 
 def strangers_sentence(trial: Result) -> str:
     """What is on no list, with and without a law that was written for it."""
-    kinds = trial.get("unlisted", {})
+    kinds = trial.get("aliens", {})
     apart = []
     for known in (True, False):
         own = [k for name, k in kinds.items() if (name in WITH_LAWS) == known]
@@ -197,8 +207,8 @@ def strangers_sentence(trial: Result) -> str:
     with_law, without = (f"{share(a)} of {a['of']}" for a in apart)
     return (
         f"At strength {strength_of(trial):g}, of what is on no list, the kinds that "
-        f"softnn has a law for by now ({', '.join(WITH_LAWS)}) got no confident "
-        f"name in {with_law}; the others in {without}."
+        f"softnn has a law for by now ({', '.join(WITH_LAWS)}) got no name "
+        f"in {with_law}; the others in {without}."
     )
 
 
@@ -207,7 +217,8 @@ def concealed_figure(trials: Sequence[Result]) -> Figure:
     figure = new_figure(6.4, 4.4)
     axes = figure.subplots()
     for i, t in enumerate(trials):
-        entries = [(n, t["effects"][n]) for n in NAMES if n in t["effects"]]
+        effects = t["all"]["effects"]
+        entries = [(n, e) for n in NAMES if (e := effects.get(n)) and e["of"]]
         y = [NAMES.index(n) + 0.16 * (2 * i - len(trials) + 1) for n, _ in entries]
         x = [e["rate"] for _, e in entries]
         bars = [
@@ -235,21 +246,10 @@ def concealed_figure(trials: Sequence[Result]) -> Figure:
 
 def causes_table(trial: Result) -> str:
     """Misses by what was planted and why, the most frequent first."""
-    counts = Counter(
-        (
-            "two effects" if m["group"] == "pair" else m["effects"] or m["group"],
-            m["cause"],
-        )
-        for m in trial["misses"]
-    )
-    if not counts:
-        return f"At strength {strength_of(trial):g} nothing was missed."
-    shown = counts.most_common(MOST_CAUSES)
-    rest = sum(counts.values()) - sum(n for _, n in shown)
-    rows: list[list[Any]] = [[what, why, n] for (what, why), n in shown]
-    if rest:
-        rows.append(["others", "one or few of a kind", rest])
-    return markdown([f"planted, strength {strength_of(trial):g}", "why", "cases"], rows)
+    strength = strength_of(trial)
+    if not trial["misses"]:
+        return f"At strength {strength:g} nothing was missed."
+    return reporting.causes_table(trial["misses"], f"planted, strength {strength:g}")
 
 
 # --- detection limits -----------------------------------------------------------------
@@ -401,6 +401,7 @@ def rivals(page: Page, found: Result) -> None:
         page.say(
             markdown(head, rows),
             beaten(t.get("wins", []), heads),
+            t["record"].get("note", ""),
         )
 
 
@@ -548,13 +549,15 @@ def cost(page: Page, found: Result) -> None:
 
 
 def make(results: Path, folder: Path) -> Path:
-    """Write the page from the results; its path."""
+    """Write the pages from the results; the path of the first."""
+    other = Page(results, folder)
+    other.say("# The proof by other hands", MADE)
+    other.section("Cases by other hands", "hands", proof_hands.hands)
+    other.section("All that was ever opened", "ledger", proof_hands.openings)
+    other.write("proof-hands.md")
     page = Page(results, folder)
-    page.say(
-        "# The proof",
-        "Made by `python -m studies.proof` from `studies/results`; no number here is "
-        "typed. In brackets are 95 % intervals (Wilson for shares).",
-    )
+    page.say("# The proof", MADE)
+    page.say("Cases made by other hands, and all that was ever opened: " + OTHER)
     page.section("What was concealed", "concealed", concealed)
     page.section("How small it may be", "limits", limits)
     page.section("Other methods on the same cases", "rivals", rivals)

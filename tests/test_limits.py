@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies import limits, limits_report
-from studies.concealed import forge, oracle, orders, scoring
+from studies import limits, limits_report, scoring
+from studies.concealed import forge, oracle, orders
 
 ROOT = Path(__file__).parents[1]
 GRID = limits.Grid(

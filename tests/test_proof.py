@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from studies import cost, limits_report, proof
+from studies import cost, ledger, limits_report, proof, scoring
 from studies.common import plain
-from studies.concealed.scoring import Rate
+from studies.concealed import reporting
 from studies.concealed.unlisted import UNLISTED
+from studies.scoring import Rate, Truth
 
 
 def write(folder: Path, name: str, content: dict) -> None:
@@ -29,21 +30,23 @@ def trial(strength: float, right: int) -> dict:
             "cases": 61,
             "key_sha256": "abcdef0123456789" * 4,
         },
-        "groups": {"single": one, "null": Rate(20, 21).entry()},
+        "all": {
+            "naming": {"single": one, "null": Rate(20, 21).entry()},
+            "effects": {"slack": one},
+        },
         "bars": [
             {"key": "a", "what": "one effect", "bar": 0.95, "met": False, **one},
             {"key": "b", "what": "two", "bar": 0.85, "met": None, **none},
             {"key": "c", "what": "F1", "bar": 0.8, "met": True, "rate": 0.87654},
         ],
-        "effects": {"slack": one},
         "concealment": {
             "accepted_below_nrmse": 0.05,
             "groups": {"single": {**hidden, "right": Rate(28, 31).entry()}},
         },
         "misses": [
-            {"effects": "slack", "group": "single", "cause": "nothing named"},
-            {"effects": "", "group": "null", "cause": "something named"},
-            {"effects": "slack+inertia", "group": "pair", "cause": "one found"},
+            {"effects": ["slack"], "cls": "single", "cause": "nothing named"},
+            {"effects": [], "cls": "null", "cause": "something named"},
+            {"effects": ["slack", "inertia"], "cls": "pair", "cause": "one found"},
         ],
     }
 
@@ -165,6 +168,7 @@ def recordings_found() -> dict:
 
 def test_nothing_has_been_run(tmp_path):
     text = proof.make(tmp_path / "results", tmp_path / "docs").read_text()
+    text += (tmp_path / "docs" / "proof-hands.md").read_text()
     for command in proof.COMMANDS.values():
         assert f"Not run: `{command}`." in text
     assert "![" not in text
@@ -227,13 +231,49 @@ def test_the_page_quotes_the_results(tmp_path):
         assert (again / s).read_bytes() == (docs / s).read_bytes()
 
 
+def test_the_page_of_other_hands_quotes_the_results(tmp_path):
+    results, docs = tmp_path / "results", tmp_path / "docs"
+    told = {"verdict": "explained", "selected": ["slack"]}
+    told["explanations"] = [{"effect": "slack", "probability": 0.95}]
+    truths = [Truth(str(i), "single", ("slack",), 900, noise="pink") for i in range(3)]
+    truths += [Truth("n", "null"), Truth("f", "single", ("slack",), 9)]
+    scores = scoring.summary([scoring.row(t, told) for t in truths])
+    record = {"generator": "hands", "label": "held-out", "seed": 7, "cases": 5}
+    record |= {"key_sha256": "abcdef0123456789" * 4, "code": ["0123abcd"]}
+    record["opened_before"] = ["2026-01-01, held-out"]
+    bars = reporting.bars(scores, record)
+    one = {"record": record, "bars": bars, **scores}
+    write(results, "hands", {"trials": {"held-out": one}})
+    opening = {"trial": "x", "opened": "2026-01-02", "what": "held-out", "code": []}
+    opening |= {"generator": "hands", "side": "held-out", "seed": 7}
+    opening |= {"counts": {"single": 4, "null": 1}, "right": {"single": "4 of 4"}}
+    ledger.enter(opening, results)
+    proof.make(results, docs)
+    text = re.sub(r" +", " ", (docs / "proof-hands.md").read_text())
+    assert "5 cases, seed 7 (1 null, 4 single)" in text
+    assert "**Opened before** (2026-01-01, held-out)" in text
+    # Three that can be seen, one that cannot; the null got a name.
+    alone = "| one effect: it and nothing else | 3 of 3 (44 to 100 %) | 0.92 | yes |"
+    assert alone in text
+    assert "| nothing: nothing_missing | 0 of 1 (0 to 79 %) | 0.98 | no |" in text
+    assert "| others | single | 1 of 1 (21 to 100 %) | 0 of 1 (0 to 79 %) |" in text
+    assert "| pink | single | 3 of 3 (44 to 100 %) |" in text
+    assert "| 0.9 | 0.95 | 4 of 5 (38 to 96 %) |" in text
+    assert (
+        "| 2026-01-02 | hands | held-out | 7 | held-out | 5 | single 4 of 4 |" in text
+    )
+    for name in ("naming", "reliability"):
+        assert (docs / f"figures/proof-hands-{name}.png").stat().st_size > 3000
+    assert "(proof-hands.md)" in (docs / "proof.md").read_text()
+
+
 @pytest.mark.parametrize("missing", ["concealment", "effects"])
 def test_older_results_are_read_too(missing, tmp_path):
     one = trial(1.0, 37)
     if missing == "concealment":
         del one["concealment"]
     else:
-        one["effects"] = {}
+        one["all"]["effects"] = {}
     write(tmp_path / "results", "concealed", {"trials": {"y": one}})
     text = proof.make(tmp_path / "results", tmp_path).read_text()
     assert ("accepted by eye" in text) == (missing != "concealment")
@@ -246,13 +286,11 @@ def test_kinds_that_a_law_was_written_for_are_counted_apart():
         "hum": (5, 5),
         "tack": (4, 5),
     }
-    found = trial(0.3, 30) | {
-        "unlisted": {k: Rate(*v).entry() for k, v in kinds.items()}
-    }
+    found = trial(0.3, 30) | {"aliens": {k: Rate(*v).entry() for k, v in kinds.items()}}
     said = proof.strangers_sentence(found)
     assert share_in(said) == ["88 % (53 to 98) of 8", "90 % (60 to 98) of 10"]
     only = {"hum": Rate(5, 5).entry()}
-    assert proof.strangers_sentence(found | {"unlisted": only}) == ""
+    assert proof.strangers_sentence(found | {"aliens": only}) == ""
     assert set(proof.WITH_LAWS) <= {kind.__name__ for kind in UNLISTED}
 
 

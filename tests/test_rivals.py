@@ -14,7 +14,8 @@ import pytest
 from softnn.contracts import Chunk, InputError
 from softnn.effects import EFFECTS
 from softnn.mismatch import verify
-from studies.concealed import scoring, sealing
+from studies import scoring
+from studies.concealed import sealing
 from studies.rivals import (
     classifier,
     columns,
@@ -197,7 +198,7 @@ def test_shares_are_what_is_lost_without_a_name():
 def test_rule(found, verdict, names):
     assert Rule(0.2, 0.05, 0.5).verdict(found) == (verdict, names)
     said = diagnosis(found, Rule(0.2, 0.05, 0.5), 0.1, 1.0)
-    assert scoring.confidently_named(said) == set(names)
+    assert said["selected"] == names
     assert diagnosis(found, Rule(), 0.1, 1.0, names=False)["verdict"] == "undetermined"
 
 
@@ -511,15 +512,14 @@ def test_answers_are_scored_and_written(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "trial"
 
-    def diagnose(where, jobs, seed, timed):
+    def diagnose(where, record, jobs, timed):
         for case in (where / "cases").iterdir():
             out = where / "diagnoses" / case.name
             out.mkdir(parents=True)
             (out / "diagnosis.json").write_text(json.dumps(said(["zero_offset"])))
-        return {"wall_s": 1.0}
 
     tracked = []
-    monkeypatch.setattr(trial, "diagnose", diagnose)
+    monkeypatch.setattr(trial, "diagnose_rest", diagnose)
     monkeypatch.setattr(table, "track", lambda *a: tracked.append(a))
     run = ["--smoke", "--jobs", "1", "--out", str(folder), "--methods", "softnn", "omp"]
     assert trial.main(run) == 0

@@ -1,9 +1,10 @@
 r"""A forge of concealed cases: does `softnn diagnose` name the physics left out?
 
-Nothing in here but `trial.py` and `reporting.py` knows softnn. The forge has its own
-material laws, its own integrators and its own functional form for every effect, so that
-a diagnosis cannot succeed by meeting its own formulae again. One fine uniform clock
-(`programmes.STEP_S`) carries all signals; what is written down is sampled from it.
+Nothing in here but `trial.py`, `reporting.py` and `noise_check.py` knows softnn. The
+forge has its own material laws, its own integrators and its own functional form for
+every effect, so that a diagnosis cannot succeed by meeting its own formulae again. One
+fine uniform clock (`programmes.STEP_S`) carries all signals; what is written down is
+sampled from it.
 
     programmes.py   what the machine is told to do, and when samples are taken
     bases.py        hyperelastic springs and Maxwell branches: the physics left in
@@ -16,10 +17,14 @@ a diagnosis cannot succeed by meeting its own formulae again. One fine uniform c
     orders.py       which cases: single effects, pairs, nulls, what is on no list
     settings.py     a case before anything is planted: model, machine, habits
     forge.py        a case: drawn, run, its answer beside it
-    sealing.py      cases on disk, and the sealed key
-    scoring.py      diagnoses against the key
+    sealing.py      cases on disk, the sealed key, truths that came from elsewhere
+    details.py      what only the key of this forge can tell of a diagnosis
+    noise_check.py  noise as softnn reads it, where the exact truth is known
     reporting.py    tables, confusion matrix, result file, MLflow
-    trial.py        forge, diagnose, open the key, score, report
+    trial.py        forge or take in, diagnose, open the key, score, report
+
+Scored by `studies/scoring.py`, as every trial is; what is opened is in
+`studies/results/ledger.json`.
 
 Where an effect has a size in the specification, a test reads it off forged signals.
 Those that have none: a bent spring at least doubles its tangent stiffness; branches are

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from studies.concealed.forge import forge_case
-from studies.concealed.orders import Order
+from studies.concealed.orders import NAMES, Order
+from studies.scoring import CLASSES, Truth
 
 
 def write_case(order: Order, cases: Path) -> dict[str, Any]:
@@ -67,3 +68,52 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} is not for JSON")
+
+
+# --- cases that came from elsewhere, each with truth/NAME/truth.json ------------------
+
+
+def truths_in(folder: Path) -> dict[str, bytes]:
+    """What lies in the truths of all cases of a folder, by name, unread."""
+    if not (folder / "cases").is_dir():
+        raise FileNotFoundError(f"{folder} holds no folder cases/")
+    names = sorted(c.name for c in (folder / "cases").iterdir() if c.is_dir())
+    if not names:
+        raise FileNotFoundError(f"{folder / 'cases'} holds no case")
+    return {n: (folder / "truth" / n / "truth.json").read_bytes() for n in names}
+
+
+def seal_of(data: Mapping[str, bytes]) -> str:
+    """SHA-256 over all truths, their names too."""
+    digest = hashlib.sha256()
+    for name, content in sorted(data.items()):
+        digest.update(f"{name} {len(content)} ".encode() + content)
+    return digest.hexdigest()
+
+
+def open_truths(folder: Path, stated: str) -> list[Truth]:
+    """Truths of a folder; refused when they are not those that were sealed."""
+    data = truths_in(folder)
+    if seal_of(data) != stated:
+        raise ValueError(f"truths have SHA-256 {seal_of(data)}, sealed was {stated}")
+    return [read_truth(name, json.loads(content)) for name, content in data.items()]
+
+
+def read_truth(case: str, told: Mapping[str, Any]) -> Truth:
+    """A truth.json; without an energy a case is taken for one that can be seen."""
+    effects = told.get("effects", [])
+    number = {"null": 0, "single": 1, "pair": 2, "alien": 0}.get(told.get("cls", ""))
+    if number != len(effects) or not set(effects) <= set(NAMES):
+        raise ValueError(
+            f"truth of {case}: cls {told.get('cls')!r} with effects {effects}; a "
+            f"{', '.join(CLASSES)} has 0, 1, 2, 0 effects, of {', '.join(NAMES)}"
+        )
+    energy = told.get("energy_after_refit")
+    return Truth(
+        case,
+        told["cls"],
+        tuple(effects),
+        float("inf") if energy is None else float(energy),
+        told.get("energy_beyond_the_other") or {},
+        told.get("noise", {}).get("kind", ""),
+    )

@@ -2,20 +2,28 @@
 
 Cases are forged and their key sealed (its hash goes into the record first); then the
 command `softnn diagnose` is run on the cases alone; only when all diagnoses are
-written is the key opened. Seeds below 10000 are for development; a trial with a seed
-from 10000 on, of all effects, is written to studies/results/concealed.json.
+written is the key opened, which the ledger keeps. Seeds below 10000 are for
+development; a trial with a seed from 10000 on, of all effects, is written to
+studies/results/concealed.json.
+
+--hands has the cases made by another hand, --cases-in takes those of a folder
+(cases/NAME and truth/NAME/truth.json); with a seed from 10000 on, or a --label, they
+are written to studies/results/hands.json. All are scored alike.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,11 +33,28 @@ import numpy as np
 import pandas as pd
 
 from softnn.contracts import InputError
-from studies.common import RUNS, guarded, parser
-from studies.concealed import orders, rivals, scoring, sealing
+from studies import ledger, scoring
+from studies.common import (
+    RUNS,
+    code_of,
+    guarded,
+    package_files,
+    parser,
+    results_folder,
+)
+from studies.concealed import (
+    details,
+    noise_check,
+    orders,
+    rivals,
+    sealing,
+)
 from studies.concealed.reporting import report
 
 SOFTNN = [sys.executable, "-m", "softnn.cli"]
+HANDS = [sys.executable, "-m", "studies.concealed.hands"]
+SIDES = ("development", "held-out")
+COUNTS = {"nulls": 50, "singles": 100, "pairs": 40, "aliens": 30}  # by other hands
 TIMED_CASES = 3  # diagnosed once more, one at a time, for the time a user waits
 
 
@@ -38,14 +63,24 @@ def make_parser() -> argparse.ArgumentParser:
     p.add_argument("--cases", type=int, default=20, help="of each effect (20)")
     p.add_argument("--nulls", type=int, help="ten times --cases")
     p.add_argument("--pairs", type=int, help="three times --cases")
-    p.add_argument("--unlisted", type=int, help="three times --cases")
+    p.add_argument(
+        "--unlisted", "--aliens", type=int, dest="aliens", help="three times --cases"
+    )
+    p.add_argument("--singles", type=int, help="with --hands: of all effects together")
     p.add_argument("--only", nargs="+", default=[], metavar="EFFECT")
     p.add_argument("--strength", type=float, default=1.0, help="of the effects (1)")
     p.add_argument("--dirty", type=float, default=0.15, help="share of cases (0.15)")
     p.add_argument("--simulated", type=float, default=0.1, help="share of cases (0.1)")
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     p.add_argument("--out", type=Path, help="where cases and diagnoses go (mlruns/...)")
+    p.add_argument("--label", help="what the trial is called in results")
     p.add_argument("--tracking", help="MLflow address (mlruns/mlflow.db)")
+    p.add_argument(
+        "--noise-check", action="store_true", help="whiten what truths leave, too"
+    )
+    whose = p.add_mutually_exclusive_group()
+    whose.add_argument("--hands", choices=SIDES, help="cases by another hand")
+    whose.add_argument("--cases-in", type=Path, metavar="FOLDER", help="these cases")
     only = p.add_mutually_exclusive_group()
     only.add_argument("--forge-only", type=Path, metavar="DIR", help="forge, no more")
     only.add_argument("--resume", type=Path, metavar="DIR", help="diagnose the rest")
@@ -62,44 +97,169 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(a: argparse.Namespace) -> None:
-    wanted = orders_of(a)
-    label = f"strength-{a.strength:g}"
     if a.forge_only:
+        wanted = orders_of(a)
         digest = forge_into(wanted, a.forge_only, a.jobs)
         print(f"{len(wanted)} cases in {a.forge_only / 'cases'}; key SHA-256 {digest}")
         return
-    if a.score_only or a.resume:
-        folder = a.score_only or a.resume
-        if not (folder / "record.json").exists():
-            raise InputError(f"{folder} holds no record.json; name a trial's folder")
-        record = json.loads((folder / "record.json").read_text())
-    else:
-        home = RUNS / "smoke" if a.smoke else RUNS
-        stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-        folder = a.out or home / "concealed" / f"{label}-seed-{a.seed}-{stamp}"
-        record = {
-            "label": label,
-            "strength": a.strength,
-            "seed": a.seed,
-            "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "published": a.seed >= orders.FIRST_TRIAL_SEED and not (a.only or a.smoke),
-            "smoke": a.smoke,
-            "cases": len(wanted),
-            "key_sha256": forge_into(wanted, folder, a.jobs),
-        }
-        write_record(folder, record)  # the hash is on file before anything is diagnosed
-        print(f"{len(wanted)} cases forged; key SHA-256 {record['key_sha256']}")
+    folder, record = taken_up(a) if a.score_only or a.resume else begun(a)
     if not a.score_only:
-        timed = 0 if record["smoke"] else TIMED_CASES
-        record |= diagnose(folder, a.jobs, record["seed"], timed)
+        diagnose_rest(folder, record, a.jobs)
+    score(folder, record, a)
+
+
+def begun(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
+    """A new trial: its folder, and its record with the hash of the key."""
+    label = f"strength-{a.strength:g}"
+    sealed = a.seed >= orders.FIRST_TRIAL_SEED and not (a.only or a.smoke)
+    record: dict[str, Any] = {"generator": "forge", "seed": a.seed}
+    if a.hands:
+        label, record["side"] = a.hands, a.hands
+        asked = {k: getattr(a, k) for k in COUNTS}
+        counts = {k: COUNTS[k] if v is None else v for k, v in asked.items()}
+        record |= {"generator": "hands", "counts": counts}
+    elif a.cases_in:
+        label, sealed = a.cases_in.resolve().name, False
+        record |= {"generator": "cases", "seed": None}
+        record["cases_in"] = str(a.cases_in.resolve())
+    else:
+        record["strength"] = a.strength
+    foreign = record["generator"] != "forge"
+    record |= {
+        "label": a.label or label,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "published": not a.smoke and (sealed or bool(foreign and a.label)),
+        "smoke": a.smoke,
+    }
+    home = RUNS / "smoke" if a.smoke else RUNS
+    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    name = f"{record['label']}-seed-{a.seed}-{stamp}"
+    folder = a.out or home / "concealed" / name
+    if foreign:
+        if (folder / "record.json").exists():
+            raise InputError(f"{folder} holds a trial; --resume it, or name another")
+        seal_foreign(folder, record, a.jobs)
+    else:
+        wanted = orders_of(a)
+        record["cases"] = len(wanted)
+        record["key_sha256"] = forge_into(wanted, folder, a.jobs)
+        write_record(folder, record)  # on file before anything is diagnosed
+    print(f"{record['cases']} cases in {folder}; key SHA-256 {record['key_sha256']}")
+    return folder, record
+
+
+def taken_up(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
+    """An earlier trial, forged to its end where it was killed before."""
+    folder = a.score_only or a.resume
+    if not (folder / "record.json").exists():
+        raise InputError(f"{folder} holds no record.json; name a trial's folder")
+    record = {"generator": "forge", **json.loads((folder / "record.json").read_text())}
+    if a.cases_in:
+        record["cases_in"] = str(a.cases_in.resolve())  # they may have been moved
+    if "key_sha256" not in record:
+        seal_foreign(folder, record, a.jobs)
+    return folder, record
+
+
+def source(folder: Path, record: Mapping[str, Any]) -> Path:
+    """Where a trial's cases/ (and, by other hands, truth/) lie."""
+    if "cases_in" in record:
+        return Path(record["cases_in"])
+    return folder / "forged" if record.get("generator") == "hands" else folder
+
+
+def seal_foreign(folder: Path, record: dict[str, Any], jobs: int) -> None:
+    """Have the cases of other hands made, where they are not, and seal their truths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_record(folder, record)
+    if record["generator"] == "hands" and not (folder / "forged").exists():
+        half = folder / "forging"  # what was killed here is made anew
+        shutil.rmtree(half, ignore_errors=True)
+        numbers = {"seed": record["seed"], **record["counts"], "jobs": jobs}
+        options = [x for k, v in numbers.items() for x in (f"--{k}", str(v))]
+        command = [*HANDS, "--side", record["side"], *options, "--out", str(half)]
+        if subprocess.run(command, check=False).returncode:
+            raise InputError("the cases of other hands could not be made; see above")
+        half.rename(folder / "forged")
+    truths = read_sealed(lambda: sealing.truths_in(source(folder, record)))
+    record |= {"cases": len(truths), "key_sha256": sealing.seal_of(truths)}
+    write_record(folder, record)
+
+
+def read_sealed(read: Callable[[], Any]) -> Any:
+    try:
+        return read()
+    except (OSError, ValueError) as error:
+        raise InputError(str(error)) from None
+
+
+def diagnose_rest(
+    folder: Path, record: dict[str, Any], jobs: int, timed: int = TIMED_CASES
+) -> None:
+    """Diagnose what is not diagnosed; the record says by which code, and how fast."""
+    cases = source(folder, record) / "cases"
+    if undiagnosed(folder, cases):
+        # More than one, where the code was changed before a trial was taken up again.
+        code = {*record.get("code", []), code_of(package_files())}
+        record["code"] = sorted(code)
         write_record(folder, record)
-    answers = sealing.open_key(folder)
-    diagnoses = scoring.read_diagnoses(answers, folder / "diagnoses")
-    times = {c["case"]: scoring.read_times(c, folder / "cases") for c in answers}
-    simulated = simulate_unseen(folder, answers)
-    scores = scoring.score(answers, diagnoses, times, simulated)
-    explain_misses(scores["misses"], answers)
+    timed = 0 if record["smoke"] else timed
+    record |= diagnose(folder, jobs, record["seed"] or 0, timed, cases)
+    write_record(folder, record)
+
+
+def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
+    """Open the key, enter that into the ledger, score and report."""
+    place, answers, truths = source(folder, record), [], []
+    where = results_folder(record["smoke"])
+    if record["generator"] == "forge":
+        answers = read_sealed(lambda: sealing.open_key(folder))
+        truths = [details.truth_of(answer) for answer in answers]
+    else:
+        truths = read_sealed(lambda: sealing.open_truths(place, record["key_sha256"]))
+    opening = opening_of(record, truths, place)
+    record["opened_before"] = ledger.enter(opening, where)["opened_before"]
+    diagnoses = scoring.read_diagnoses((t.case for t in truths), folder / "diagnoses")
+    if record["generator"] == "forge":
+        simulated = simulate_unseen(folder, answers)
+        rows = []
+        for answer in answers:
+            times, name = details.read_times(answer, place / "cases"), answer["case"]
+            unseen = simulated.get(name)
+            rows.append(details.row_of(answer, diagnoses[name], times, unseen))
+        scores = scoring.summary(rows) | details.details(rows)
+        explain_misses(scores["misses"], answers)
+    else:
+        rows = [scoring.row(t, diagnoses[t.case]) for t in truths]
+        scores = scoring.summary(rows)
+    if a.noise_check:
+        scores["noise_check"] = noise_check.check(place, truths)
+    (folder / "rows.json").write_text(json.dumps(rows, indent=1) + "\n")
     report(folder, record, scores, a.tracking)
+    naming = scores["all"]["naming"]
+    right = {c: f"{n['right']} of {n['of']}" for c, n in naming.items()}
+    ledger.enter(opening | {"right": right}, where)
+
+
+def opening_of(
+    record: Mapping[str, Any], truths: Sequence[scoring.Truth], place: Path
+) -> ledger.Row:
+    """What the ledger keeps; what is right comes later."""
+    key = record["key_sha256"]
+    opening = {
+        "trial": f"{record['started']} {key[:16]}",
+        "opened": datetime.now(UTC).strftime("%Y-%m-%d"),
+        **{k: record.get(k) for k in ("generator", "side", "seed", "strength")},
+        "what": record["label"],
+        "counts": dict(Counter(t.cls for t in truths)),
+        "right": {},
+        "code": record.get("code", []),
+        "key_sha256": key,
+    }
+    if record["generator"] == "cases":  # no seed tells which these are
+        data = sealing.truths_in(place).values()
+        opening["truths"] = [hashlib.sha256(d).hexdigest()[:12] for d in data]
+    return opening
 
 
 def check_names(names: Sequence[str]) -> None:
@@ -134,7 +294,7 @@ def orders_of(a: argparse.Namespace) -> list[orders.Order]:
         each=a.cases,
         nulls=10 * a.cases if a.nulls is None else a.nulls,
         pairs=3 * a.cases if a.pairs is None else a.pairs,
-        unlisted=3 * a.cases if a.unlisted is None else a.unlisted,
+        unlisted=3 * a.cases if a.aliens is None else a.aliens,
         only=a.only,
         dirty=a.dirty,
         simulated=a.simulated,
@@ -158,7 +318,7 @@ def explain_misses(
     """Add to wrongly named cases whether anybody could have told the two apart."""
     by_name = {a["case"]: a for a in answers}
     for miss in misses:
-        if miss["group"] not in ("single", "pair") or not miss["selected"]:
+        if not miss["effects"] or not miss["selected"]:
             continue
         answer = by_name[miss["case"]]
         power = rivals.distinct_power(orders.order_of(answer), answer)
@@ -168,17 +328,24 @@ def explain_misses(
             miss["cause"] = "cannot be told from what was named, says the oracle"
 
 
-def diagnose(folder: Path, jobs: int, seed: int, timed: int) -> dict[str, Any]:
-    """Run the command on the cases, as a user would; how long it took.
-
-    It is told the folders of the cases and nothing else. Cases that have a diagnosis
-    from an interrupted run are left out.
-    """
-    cases = [
-        str(case.resolve())
-        for case in sorted((folder / "cases").iterdir())
+def undiagnosed(folder: Path, cases: Path) -> list[str]:
+    """Cases that have no diagnosis yet."""
+    return [
+        str(case.absolute())
+        for case in sorted(cases.iterdir())
         if not (folder / "diagnoses" / case.name / "diagnosis.json").exists()
     ]
+
+
+def diagnose(
+    folder: Path, jobs: int, seed: int, timed: int, where: Path
+) -> dict[str, Any]:
+    """Run the command on the cases, as a user would; how long it took.
+
+    It is told the folders of the cases (in `where`) and nothing else. Cases that have
+    a diagnosis from an interrupted run are left out.
+    """
+    cases = undiagnosed(folder, where)
     if not cases:
         return {}
     command = [*SOFTNN, "diagnose", "--seed", str(seed), "--jobs"]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from studies import scoring
 from studies.common import (
     COLOURS,
     FAINT,
@@ -21,7 +22,7 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.concealed import scoring
+from studies.concealed import details
 from studies.concealed.reporting import track
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def scores(
     def rate(flags: Sequence[bool]) -> dict[str, Any] | None:
         return scoring.Rate(sum(flags), len(flags)).entry() if names else None
 
-    hit = [scoring.right(a, d) for a, d in singles]
+    hit = [scoring.right(details.hidden_in(a), d) for a, d in singles]
     held = [d.get("fit", {}).get("after", {}).get("heldout_nrmse") for _, d in singles]
     by: dict[str, list[bool]] = {}
     for (a, _), h in zip(singles, hit, strict=True):
@@ -84,15 +85,15 @@ def scores(
         "accepted": rate(
             [h for (a, _), h in zip(singles, hit, strict=True) if accepted[a["case"]]]
         ),
-        "alarms": rate([not scoring.right(a, d) for a, d in nulls]),
-        "named_nulls": rate([bool(scoring.confidently_named(d)) for _, d in nulls]),
-        "wrong": rate([bool(scoring.confidently_named(d)) for _, d in unlisted]),
+        "alarms": rate([not scoring.right(details.hidden_in(a), d) for a, d in nulls]),
+        "named_nulls": rate([bool(d["selected"]) for _, d in nulls]),
+        "wrong": rate([bool(d["selected"]) for _, d in unlisted]),
         "heldout_nrmse": scoring.median(held),
         "over_floor": scoring.median(
-            scoring.heldout_over_floor(a, d) for a, d in singles
+            details.heldout_over_floor(a, d) for a, d in singles
         ),
         "null_over_floor": scoring.median(
-            scoring.heldout_over_floor(a, d) for a, d in nulls
+            details.heldout_over_floor(a, d) for a, d in nulls
         ),
         "seconds": scoring.median(given[a["case"]].get("seconds") for a in answers),
         "effects": {e: rate(v) for e, v in sorted(by.items())} if names else {},

@@ -20,9 +20,16 @@ from typing import Any
 
 from softnn.contracts import InputError
 from softnn.workers import workers
-from studies.common import RUNS, guarded, parser, plain
-from studies.concealed import orders, scoring, sealing
-from studies.concealed.trial import check, diagnose, forge_into, write_record
+from studies import ledger, scoring
+from studies.common import RUNS, guarded, parser, plain, results_folder
+from studies.concealed import details, orders, sealing
+from studies.concealed.trial import (
+    check,
+    diagnose_rest,
+    forge_into,
+    opening_of,
+    write_record,
+)
 from studies.rivals import classifier, methods, table
 from studies.rivals.extra import INSTALL
 from studies.rivals.methods import METHODS, Method, method
@@ -74,7 +81,7 @@ def run(a: argparse.Namespace) -> None:
     for name, package in absent.items():
         print(f"{name}: skipped, {package} is not installed; {INSTALL} has it")
     if SOFTNN in chosen:
-        record |= diagnose(folder, a.jobs, record["seed"], 0)
+        diagnose_rest(folder, record, a.jobs, timed=0)
     lessons = None
     if any(m.lessons for m in present):
         home = RUNS / "smoke" if record["smoke"] else RUNS
@@ -91,6 +98,9 @@ def run(a: argparse.Namespace) -> None:
     }
     write_record(folder, record)
     keys = sealing.open_key(folder)
+    told = record | {"generator": "forge", "label": f"rivals, {record['label']}"}
+    opening = opening_of(told, [details.truth_of(k) for k in keys], folder)
+    ledger.enter(opening, results_folder(record["smoke"]))
     given = {n: read_answers(folder, n, keys) for n in names}
     good = accepted(given)
     rows = {
@@ -235,7 +245,7 @@ def read_answers(
     folder: Path, name: str, keys: Sequence[Mapping[str, Any]]
 ) -> dict[str, dict[str, Any]]:
     if name == SOFTNN:
-        return scoring.read_diagnoses(keys, folder / "diagnoses")
+        return scoring.read_diagnoses((k["case"] for k in keys), folder / "diagnoses")
     return {
         k["case"]: json.loads(
             answer_file(folder, name, Path(k["case"])).read_text(encoding="utf-8")

@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from softnn.contracts import InputError
+from studies import scoring
 from studies.common import RUNS, guarded, parser, plain
-from studies.concealed import orders, scoring, sealing
+from studies.concealed import details, orders, sealing
 from studies.rivals import classifier, methods
 from studies.rivals.naming import Found, Rule, diagnosis
 from studies.rivals.problem import read
@@ -163,7 +164,7 @@ def rates_of(
     right: dict[str, list[bool]] = {g: [] for g in GROUPS}
     for truth, found in cases:
         made = diagnosis(found, rule, 0.0, 0.0)
-        right[truth["group"]].append(scoring.right(truth, made))
+        right[truth["group"]].append(scoring.right(details.hidden_in(truth), made))
     return {g: float(np.mean(v)) for g, v in right.items() if v}
 
 
