@@ -36,18 +36,21 @@ FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 UNSAID = 1.6  # log odds against specimens that nobody wrote down: one case in six
 ELSE_PRIOR = 0.001  # of a, beside effects that are meant to be all there is
+GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
+FADING = 4  # paces at which what was not written down is forgotten
 SEED = 1
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Logarithms of marginal likelihoods, without prior.
+    """Logarithms of marginal likelihoods, without the prior of the set.
 
-    `alone`: with the form error alone, and a discrepancy that is slight; `beside`: with
-    something else of any size. `share`: of what the account takes up of the misfit, the
-    part that the laws as they stand do.
+    `bare`: of the laws as they stand; `alone`: with the form error, and a discrepancy
+    that is slight; `beside`: with something else of any size. `form`, `discrepancy`,
+    `beside_size` and `scatter` are the scales of these at their best.
     """
 
+    bare: float
     alone: float
     beside: float
     form: float
@@ -70,7 +73,8 @@ class Weigher:
         self.own = engine.level * by_recording(engine)
         apart = len(engine.chunks) > 1
         self.scatter = base.stress[:, None] * own_scale(engine, apart)
-        self._white: tuple[int, Array] | None = None
+        self.unseen = unwritten(engine, base)
+        self._white: tuple[int, Array, Array] | None = None
 
     def weigh(self, found: Fit) -> Evidence:
         """The evidence of a fit under the noise that the engine weighs by."""
@@ -78,15 +82,16 @@ class Weigher:
         if self._white is None or self._white[0] != engine.noises:
             parts = [self.shared, self.stiffer, self.own, self.scatter]
             both = np.concatenate(parts, axis=1)
-            self._white = engine.noises, engine.whiten(both)
-        other = self._white[1]
+            unseen = engine.whiten(self.unseen)
+            self._white = engine.noises, engine.whiten(both), unseen
+        _, other, unseen = self._white
         bent = [self.bent(change) for change in changes(engine, found)]
         form = (
             engine.whiten(np.concatenate(bent, axis=1))
             if bent
             else np.zeros((len(other), 0))
         )
-        q = span(found.free_columns)
+        q = span(np.concatenate([found.free_columns, unseen], axis=1))
         residual = found.residual - q @ (q.T @ found.residual)
         columns = np.concatenate([form, other], axis=1)
         columns = columns - q @ (q.T @ columns)
@@ -113,7 +118,9 @@ class Weigher:
         nothing = [0] * len(GRIDS)
         place, alone = climb(lambda s: value(s, False), nothing, bool(bent))
         at, beside = climb(lambda s: value(s, True), place, bool(bent))
+        law = [0] * (len(GRIDS) - 1) + place[-1:]
         return Evidence(
+            value([g[i] for g, i in zip(GRIDS, law, strict=True)], False),
             alone,
             beside,
             GRIDS[0][place[0]],
@@ -232,6 +239,34 @@ def by_recording(engine: Engine) -> Array:
         rows = engine.owner == r
         out[rows, OWN * r : OWN * (r + 1)] = waves / (1 + np.arange(OWN))
     return out
+
+
+def unwritten(engine: Engine, base: Fit) -> Array:
+    """What nobody wrote down (valid, k): any memory of branches after a gap or a pause.
+
+    What strain a specimen saw in a gap of time, or before a recording that goes on from
+    another, is not known; what it left fades at the paces of the branches of the base.
+    """
+    units = base.guess.units
+    live = base.guess.stiffness[units.segments :] > 0
+    paces = np.array(units.relaxation_times)[live]
+    if len(paces) > FADING:
+        paces = paces[np.linspace(0, len(paces) - 1, FADING).round().astype(int)]
+    clock = np.concatenate([c.time_s for c in engine.chunks])[engine.valid]
+    out = [np.zeros((len(clock), 0))]
+    for r, chunk in enumerate(engine.chunks):
+        time = chunk.time_s
+        step = np.diff(time)
+        gaps = np.flatnonzero(step > GAP * np.median(step)) + 1
+        begins = list(time[gaps[np.argsort(-step[gaps - 1])][:MOST_GAPS]])
+        begins += [time[0]] if engine.data.continued and r else []
+        # What is carried on is carried through the recordings that follow, too.
+        own = engine.owner >= r if engine.data.continued else engine.owner == r
+        for begin in begins:
+            since = (clock - begin)[:, None]
+            fading = np.exp(-np.maximum(since, 0.0) / paces)
+            out.append(fading * ((since >= 0) & own[:, None]))
+    return np.concatenate(out, axis=1)
 
 
 def own_scale(engine: Engine, apart: bool) -> Array:
