@@ -118,39 +118,48 @@ class Base:
     ) -> float:
         """Best sum of squares, with a scale a recording where specimens differ."""
         if other is not None:  # its column comes last
-            parts = [
-                tuple(np.linalg.qr(np.column_stack([q @ r, o])))
+            grown = [
+                np.linalg.qr(np.column_stack([q @ r, o]))
                 for (q, r), o in zip(parts, other, strict=True)
             ]
+            parts = [(p.Q, p.R) for p in grown]
         rows = [r for _, r in parts]
         heads = [q.T @ y for (q, _), y in zip(parts, white, strict=True)]
         rest = sum(float(y @ y - h @ h) for y, h in zip(white, heads, strict=True))
         target, free = np.concatenate(heads), int(other is not None)
-        x = _signed_last(np.vstack(rows), target, free)
-        best = float(np.sum((np.vstack(rows) @ x - target) ** 2))
-        if self.scales:
+        matrix = np.vstack(rows)
+        x = _signed_last(matrix, target, free)
+        best = float(np.sum((matrix @ x - target) ** 2))
+        if self.scales:  # Gauss-Newton, the first recording's scale standing for one
             scales = np.ones(len(rows))
-            for _ in range(5):  # Gauss-Newton in the scales
+            for _ in range(5):
+                change = block_diag(*[(r @ x)[:, None] for r in rows])[:, 1:]
+                step = _signed_last(
+                    np.hstack([matrix, change]), target, free + len(rows) - 1
+                )
+                scales[1:] = np.clip(scales[1:] + step[matrix.shape[1] :], 0.3, 3)
                 matrix = np.vstack([s * r for s, r in zip(scales, rows, strict=True)])
-                change = block_diag(*[(r @ x)[:, None] for r in rows])
-                x = _signed_last(np.hstack([matrix, change]), target, free + len(rows))
-                scales = scales + x[-len(rows) :]
-                x = x[: -len(rows)] * scales.mean()
-                scales = scales / scales.mean()
-                model = [s * (r @ x) for s, r in zip(scales, rows, strict=True)]
-                best = min(best, float(np.sum((np.concatenate(model) - target) ** 2)))
+                x = _signed_last(matrix, target, free)
+                now = float(np.sum((matrix @ x - target) ** 2))
+                settled = abs(now - best) < 1e-3 * best
+                best = min(best, now)
+                if settled:
+                    break
         return best + max(rest, 0.0)
 
 
 def _signed_last(matrix: Array, target: Array, free: int) -> Array:
     """Least squares, non-negative but in the last `free` columns."""
     size = np.linalg.norm(matrix, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    full = matrix / size
+    full = matrix / np.where(size > 0, size, 1.0)
+    k = matrix.shape[1] - free
+    bound, loose, left = full[:, :k], full[:, k:], target
+    if free:  # projected out, put back at the end
+        q, _ = np.linalg.qr(loose)
+        bound, left = bound - q @ (q.T @ bound), target - q @ (q.T @ target)
+    q, r = np.linalg.qr(bound)
+    x, _ = nnls(r, q.T @ left, maxiter=50 * max(k, 1))
     if free:
-        full = np.hstack([full, -full[:, -free:]])
-    q, r = np.linalg.qr(full)
-    x, _ = nnls(r, q.T @ target, maxiter=50 * full.shape[1])
-    if free:
-        x = np.append(x[: -2 * free], x[-2 * free : -free] - x[-free:])
-    return x / size
+        rest = target - full[:, :k] @ x
+        x = np.append(x, np.linalg.lstsq(loose, rest, rcond=None)[0])
+    return x / np.where(size > 0, size, 1.0)

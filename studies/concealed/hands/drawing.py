@@ -260,7 +260,7 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
     kinds = [k for k, s in KINDS.items() if s == side]
     kind = kinds[start.integers(len(kinds))]
     goals = [loguniform(start, *ENERGIES) for _ in laws]
-    models = _USUAL
+    models: tuple[str, ...] = _USUAL
     for law in laws:
         models = tuple(m for m in models if m in MODELS.get(law.effect, _USUAL))
         models = models or MODELS[law.effect]

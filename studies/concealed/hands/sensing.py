@@ -69,7 +69,7 @@ def ringing_mass(rng: Rng, s: Setup) -> Act:
 
 def first_order(rng: Rng, s: Setup) -> Act:
     """a dy/dt = x - y."""
-    return Act(1.0, sensor=lambda i, t, x, a: _follow(x, t, a))
+    return Act(0.5, sensor=lambda i, t, x, a: _follow(x, t, a))
 
 
 def _follow(x: Array, t: Array, a: float) -> Array:
@@ -87,7 +87,7 @@ def _lost(t: Array, a: float) -> Array:
 
 def delay(rng: Rng, s: Setup) -> Act:
     """x(t - a)."""
-    return Act(1.0, sensor=lambda i, t, x, a: np.interp(t - a, t, x))
+    return Act(0.5, sensor=lambda i, t, x, a: np.interp(t - a, t, x))
 
 
 def moving_average(rng: Rng, s: Setup) -> Act:
@@ -106,7 +106,7 @@ def moving_average(rng: Rng, s: Setup) -> Act:
 
 def two_stage_filter(rng: Rng, s: Setup) -> Act:
     """Two first-order filters of a/2 in a row."""
-    return Act(1.0, sensor=lambda i, t, x, a: _follow(_follow(x, t, a / 2), t, a / 2))
+    return Act(0.5, sensor=lambda i, t, x, a: _follow(_follow(x, t, a / 2), t, a / 2))
 
 
 def _drift(rng: Rng, s: Setup, form, **parameters: float) -> Act:
