@@ -133,8 +133,8 @@ def ordered(seed: int, index: int, cls: str, side: str) -> tuple[Law, ...]:
 
 def _habits(rng: Rng, effects: set[str], model: str, home: bool, warm: bool) -> Habits:
     mode = str(rng.choice(["tension", "compression", "mixed"], p=[0.55, 0.25, 0.2]))
-    if "tension_only" in effects:
-        mode = "mixed"
+    if "tension_only" in effects:  # in tension: only what has relaxed is compressed
+        mode = str(rng.choice(["mixed", "tension"]))
     if "finite_strain" in effects and mode == "mixed":
         mode = "tension"
     most = {"tension": 1.0, "compression": 0.4, "mixed": 0.3}[mode]
@@ -216,14 +216,22 @@ def draw_setup(
 
 def strength_for(base: Base, act: Act, goal: float) -> tuple[float, float]:
     """The strength at which the base is left with `goal`, and what it is left with."""
-    a = act.limit
-    left = base.energy(simulate(base.setup, [(act, a)]))
+
+    def left_at(a: float) -> float:
+        return base.energy(simulate(base.setup, [(act, a)]))
+
+    a, left = act.limit, left_at(act.limit)
     if not np.isfinite(left) or left <= goal:
         return a, left
     low, high = 1e-6 * act.limit, a
-    for _ in range(6):
-        a = float(np.clip(a * np.sqrt(goal / max(left, 1e-9)), 1.02 * low, 0.98 * high))
-        left = base.energy(simulate(base.setup, [(act, a)]))
+    if act.least:
+        low, weakest = act.least, left_at(act.least)
+        if weakest >= goal:
+            return low, weakest
+    for _ in range(8):
+        guess = a * np.sqrt(goal / max(left, 1e-9))
+        a = float(guess if low < guess < high else np.sqrt(low * high))
+        left = left_at(a)
         if abs(np.log(left / goal)) < 0.15:
             break
         low, high = (a, high) if left < goal else (low, a)

@@ -50,6 +50,8 @@ EFFECTS = (  # the public vocabulary, in its order
 class Act:
     """A law with its parameters drawn; the strength `a` comes last in every hook.
 
+    Strengths run from `least` (below which the law is no longer itself) to `limit`.
+
     All work on the fine clock; at a = 0 every hook hands back what it was given (or
     nothing, for `extra`; or the linear branches, for `flow`).
 
@@ -63,6 +65,7 @@ class Act:
     """
 
     limit: float
+    least: float = field(default=0.0, kw_only=True)
     parameters: dict[str, Any] = field(default_factory=dict)
     acts_on: str = "-"
     own_faults: bool = False  # of single recordings: not in held-out recordings

@@ -73,16 +73,11 @@ def first_order(rng: Rng, s: Setup) -> Act:
 
 
 def _follow(x: Array, t: Array, a: float) -> Array:
+    """y of a dy/dt = x - y: x less a Maxwell response to it, exact."""
     if a < 1e-9:
         return x
-    return x[0] + kernels.responses(np.diff(x, prepend=x[0]), _lost(t, a), _ONE)[:, 0]
-
-
-_ONE = np.ones(1)
-
-
-def _lost(t: Array, a: float) -> Array:
-    return _clock(t) / a
+    behind = kernels.responses(np.diff(x, prepend=x[0]), _clock(t), np.array([a]))
+    return x - behind[:, 0]
 
 
 def delay(rng: Rng, s: Setup) -> Act:
@@ -98,7 +93,10 @@ def moving_average(rng: Rng, s: Setup) -> Act:
             return x
         area = np.concatenate([[0.0], np.cumsum((x[1:] + x[:-1]) / 2 * np.diff(t))])
         past = t - 2 * a
-        before = np.where(past < t[0], (past - t[0]) * x[0], np.interp(past, t, area))
+        k = np.maximum(np.searchsorted(t, past, "right") - 1, 0)
+        u = past - t[k]  # below zero before the first sample: its value held
+        there = (x[k] + np.interp(past, t, x)) / 2
+        before = area[k] + u * there
         return (area - before) / (2 * a)
 
     return Act(0.5, sensor=sensor)
@@ -247,9 +245,13 @@ def hard_clip(rng: Rng, s: Setup) -> Act:
 
 
 def soft_clip(rng: Rng, s: Setup) -> Act:
-    """x/(1 + (x/limit)^p)^(1/p): a knee (Rapp)."""
+    """x/(1 + (x/limit)^p)^(1/p): a knee (Rapp), the limit 0.15/a of the peak."""
     p = rng.uniform(6, 16)
-    return _clipped(rng, s, lambda x, top: x / (1 + (x / top) ** p) ** (1 / p))
+
+    def sensor(i: int, t: Array, x: Array, a: float) -> Array:
+        return x / (1 + (a * np.abs(x) / (0.15 * s.peak)) ** p) ** (1 / p)
+
+    return Act(0.85, {"power": p}, sensor=sensor)
 
 
 def flat_overload(rng: Rng, s: Setup) -> Act:

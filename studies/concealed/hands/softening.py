@@ -28,8 +28,7 @@ def _works(run: Run) -> tuple[Array, Array, float]:
     """Energy of the spring, its largest so far, its largest of the case."""
     material = run.setup.material
     work = material.energy(run.strain)
-    em = run.setup.em
-    top = float(np.max(material.energy(np.array([-min(em, 0.9), 0.0, em]))))
+    top = float(np.max(material.energy(run.setup.reached())))
     return work, np.maximum.accumulate(work), top
 
 
@@ -84,7 +83,7 @@ def network_alteration(rng: Rng, s: Setup) -> Act:
             return np.sqrt((stretch**2 + 2 / stretch) / 3)
 
         now = links(run.strain)
-        top = float(links(np.array([-min(s.em, 0.9), s.em])).max())
+        top = float(links(s.reached()).max())
         past = (np.maximum.accumulate(now) - 1) / (top - 1)
         first = (chain * top) ** 2
         grown = first * np.exp(ratio * a * past)

@@ -193,8 +193,9 @@ def arrhenius_times(rng: Rng, s: Setup) -> Act:
     return Act(150.0, {"T0_K": kelvin}, "branch times", tempo=tempo)
 
 
-def _slack_strip(form, limit: float = 1.0) -> Act:
-    return Act(limit, {}, "whole", whole=form)
+def _slack_strip(form) -> Act:
+    """Less than half of the compressive stress is no longer a buckled strip."""
+    return Act(1.0, {}, "whole", whole=form, least=0.5)
 
 
 def no_compression(rng: Rng, s: Setup) -> Act:
@@ -224,12 +225,12 @@ def euler_strip(rng: Rng, s: Setup) -> Act:
 
 
 def buckled_by_strain(rng: Rng, s: Setup) -> Act:
-    """Stress fades with the shortening: x/(1 + a k |shortening|) while compressed."""
-    k = 50.0
+    """While compressed, x/(1 + a (4 + k |shortening|)): it bows more and more."""
+    k = rng.uniform(20, 80)
 
     def form(run: Run, x: Array, a: float) -> Array:
         short = np.maximum(-run.strain, 0) / s.em
-        return np.where(x < 0, x / (1 + a * k * (0.02 + short)), x)
+        return np.where(x < 0, x / (1 + a * (4 + k * short)), x)
 
     return _slack_strip(form)
 

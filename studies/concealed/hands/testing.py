@@ -55,6 +55,11 @@ class Setup:
     swing_C: float
     peak: float = 1.0  # of the bare response; set by `settle`
 
+    def reached(self) -> Array:
+        """The lowest and the highest strain imposed."""
+        every = np.concatenate([c.strain for c in self.courses])
+        return np.array([min(every.min(), 0.0), max(every.max(), 0.0)])
+
     def settle(self) -> None:
         """Measure the bare response."""
         self.peak = max(float(np.abs(s).max()) for s in simulate(self, ()))
