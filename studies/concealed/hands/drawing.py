@@ -290,7 +290,7 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
             a, left = strength_for(base, act, goal)
             planted.append((act, a))
             alone.append(left)
-        if any(not np.isfinite(e) or e < ENERGIES[0] * 0.8 for e in alone):
+        if not all(0.8 * ENERGIES[0] < e < 1.5 * ENERGIES[1] for e in alone):
             continue
         energies = {"energy_of_base_alone": basic}
         energies |= measured(base, laws, planted, alone)

@@ -232,7 +232,7 @@ def two_thicknesses(rng: Rng, s: Setup) -> Act:
 def _clipped(rng: Rng, s: Setup, form) -> Act:
     """`form(|x|, limit)`; the limit is 1 - a of the peak, in one way or both."""
     return Act(
-        0.85,
+        0.6,
         sensor=lambda i, t, x, a: (
             np.sign(x) * form(np.abs(x), (1 - a) * 1.02 * s.peak) if a else x
         ),
@@ -251,7 +251,7 @@ def soft_clip(rng: Rng, s: Setup) -> Act:
     def sensor(i: int, t: Array, x: Array, a: float) -> Array:
         return x / (1 + (a * np.abs(x) / (0.15 * s.peak)) ** p) ** (1 / p)
 
-    return Act(0.85, {"power": p}, sensor=sensor)
+    return Act(0.6, {"power": p}, sensor=sensor)
 
 
 def flat_overload(rng: Rng, s: Setup) -> Act:
