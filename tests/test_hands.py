@@ -12,7 +12,7 @@ from scipy.special import erf
 
 from studies.concealed.hands import kernels, noises, programmes, softening
 from studies.concealed.hands.bases import Base
-from studies.concealed.hands.drawing import LAWS, draw, draw_setup, laws_of
+from studies.concealed.hands.drawing import draw, draw_setup
 from studies.concealed.hands.families import (
     DEVELOPMENT,
     EFFECTS,
@@ -22,8 +22,8 @@ from studies.concealed.hands.families import (
 )
 from studies.concealed.hands.forging import forge
 from studies.concealed.hands.materials import SKELETONS, SPECTRA, Material
+from studies.concealed.hands.orders import LAWS, STRANGERS, laws_of
 from studies.concealed.hands.programmes import PROGRAMMES, Course
-from studies.concealed.hands.strangers import STRANGERS
 from studies.concealed.hands.testing import Setup, linear_flow, simulate
 
 PLAIN = noises.Noise("white", 0.01, np.full(9, 0.01))

@@ -10,8 +10,9 @@ development or held out (docs/hands.md), and a case draws from one side only.
     noises.py       noise and logging
     testing.py      a test run: rig, material, sensor
     bases.py        what the base named leaves at its best
-    rig.py, softening.py, flowing.py, straining.py, sensing.py    laws of the effects
-    strangers.py    what is on no list
+    rig.py, softening.py, flowing.py, straining.py, warming.py, sensing.py    laws
+    strangers.py, strange_machines.py    what is on no list
+    orders.py       what is concealed in which case
     drawing.py      a case
     forging.py      cases and answers on disk
 """

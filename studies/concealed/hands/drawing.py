@@ -8,16 +8,12 @@ reach the energy drawn for it. No diagnosis is asked.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from studies.concealed.hands import flowing, rig, sensing, softening, straining
 from studies.concealed.hands.bases import Base
 from studies.concealed.hands.families import (
-    EFFECTS,
     SIDES,
     Act,
     Array,
@@ -27,6 +23,7 @@ from studies.concealed.hands.families import (
 )
 from studies.concealed.hands.materials import SKELETONS, draw_material
 from studies.concealed.hands.noises import KINDS, Noise, draw_noise
+from studies.concealed.hands.orders import CLASSES, MODELS, USUAL, ordered
 from studies.concealed.hands.programmes import (
     PROGRAMMES,
     Course,
@@ -34,34 +31,10 @@ from studies.concealed.hands.programmes import (
     Programme,
     draw_course,
 )
-from studies.concealed.hands.strangers import STRANGERS
 from studies.concealed.hands.testing import Planted, Setup, simulate
 
-LAWS = rig.LAWS + softening.LAWS + flowing.LAWS + straining.LAWS + sensing.LAWS
-CLASSES = ("null", "single", "pair", "alien")
 ADEQUATE = 3.0
 ENERGIES = (20.0, 30000.0)
-
-_USUAL = ("pl-wiechert",) * 7 + ("wiechert", "pl-sls", "sls")
-_FLOW = ("pl-wiechert",) * 6 + ("wiechert", "pl-sls", "sls")
-MODELS = {
-    "nonlinear_elasticity": ("hooke", "sls", "wiechert"),
-    "relaxation_branch": ("hooke", "sls", "pl-sls"),
-    "nonlinear_viscosity": _FLOW,
-    "strain_dependent_relaxation": _FLOW,
-    "finite_strain": _FLOW,
-    "thermal_softening": _FLOW,
-}
-FLOW = {"nonlinear_viscosity", "strain_dependent_relaxation", "finite_strain"}
-UNSUITED = {
-    frozenset(p)
-    for p in (
-        ("slack", "tension_only"),
-        ("zero_offset", "load_cell_drift"),
-        ("grip_slip", "slack"),
-        ("mullins_softening", "cyclic_softening"),
-    )
-}
 BACK_AND_FORTH = {
     "mullins_softening",
     "permanent_set",
@@ -90,45 +63,6 @@ class Case:
     energies: dict[str, Any]
     tries: int
     rng: Rng = field(repr=False)
-
-
-@cache
-def pairs_of() -> tuple[tuple[str, str], ...]:
-    """Effects that make sense together and that one test can carry."""
-    out = []
-    for a, b in combinations(EFFECTS, 2):
-        both = {a, b}
-        models = set(MODELS.get(a, _USUAL)) & set(MODELS.get(b, _USUAL))
-        if len(both & FLOW) < 2 and models and frozenset(both) not in UNSUITED:
-            out.append((a, b))
-    return tuple(out)
-
-
-def laws_of(effect: str, side: str) -> list[Law]:
-    """The laws of an effect that stand on a side."""
-    return [law for law in LAWS if law.effect == effect and law.side == side]
-
-
-def ordered(seed: int, index: int, cls: str, side: str) -> tuple[Law, ...]:
-    """What is concealed in the case of this number: effects and their laws by turns."""
-    turn = np.random.default_rng([seed, 77, SIDES.index(side)])
-    effects, pairs = turn.permutation(EFFECTS), turn.permutation(len(pairs_of()))
-    starts = turn.integers(0, 60, 64)
-    if cls == "alien":
-        kinds = [law for law in STRANGERS if law.side == side]
-        return (kinds[(index + int(starts[60])) % len(kinds)],)
-    if cls == "single":
-        names = [str(effects[index % len(EFFECTS)])]
-    elif cls == "pair":
-        names = list(pairs_of()[pairs[index % len(pairs)]])
-    else:
-        names = []
-    chosen = []
-    for name in names:
-        laws = laws_of(name, side)
-        start = int(starts[EFFECTS.index(name)])
-        chosen.append(laws[(index // len(EFFECTS) + start) % len(laws)])
-    return tuple(chosen)
 
 
 def _habits(rng: Rng, effects: set[str], model: str, home: bool, warm: bool) -> Habits:
@@ -268,9 +202,9 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
     kinds = [k for k, s in KINDS.items() if s == side]
     kind = kinds[start.integers(len(kinds))]
     goals = [loguniform(start, *ENERGIES) for _ in laws]
-    models: tuple[str, ...] = _USUAL
+    models: tuple[str, ...] = USUAL
     for law in laws:
-        models = tuple(m for m in models if m in MODELS.get(law.effect, _USUAL))
+        models = tuple(m for m in models if m in MODELS.get(law.effect, USUAL))
         models = models or MODELS[law.effect]
     model = models[start.integers(len(models))]
     for tries in range(1, 200):

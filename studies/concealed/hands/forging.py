@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.concealed.hands.drawing import CLASSES, Case, draw
+from studies.concealed.hands.drawing import Case, draw
 from studies.concealed.hands.families import SIDES, Array
+from studies.concealed.hands.orders import CLASSES
 from studies.concealed.hands.testing import simulate
 
 HELD_NOTE = (

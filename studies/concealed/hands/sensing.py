@@ -25,10 +25,6 @@ if TYPE_CHECKING:
 HAND_S = 0.03  # no machine turns within less
 
 
-def _clock(t: Array) -> Array:
-    return np.diff(t, prepend=t[0])
-
-
 def accelerations(s: Setup) -> list[Array]:
     """Second derivatives of the strain on an even clock, over the largest of all."""
     found = []
@@ -76,7 +72,9 @@ def _follow(x: Array, t: Array, a: float) -> Array:
     """y of a dy/dt = x - y: x less a Maxwell response to it, exact."""
     if a < 1e-9:
         return x
-    behind = kernels.responses(np.diff(x, prepend=x[0]), _clock(t), np.array([a]))
+    behind = kernels.responses(
+        np.diff(x, prepend=x[0]), np.diff(t, prepend=t[0]), np.array([a])
+    )
     return x - behind[:, 0]
 
 
