@@ -176,6 +176,12 @@ class Signal:
     stress: Array | None = None
     branch_time_s: Array | None = None  # by which branches relax; None: time_s
 
+    @property
+    def branch_clock(self) -> Array:
+        """The time (n, 1 or sets) by which branches relax."""
+        own = self.branch_time_s
+        return self.time_s[:, None] if own is None else own
+
 
 @dataclass(frozen=True)
 class Scales:

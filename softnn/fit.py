@@ -76,6 +76,7 @@ class Piece:
     free: tuple[str, ...]
     groups: tuple[tuple[int, ...], ...] = ()
     nuisance: bool = False  # always there, never news: the scatter between specimens
+    unsaid: bool = False  # of specimens that nobody named
 
     def term(self) -> Term:
         return Term(self.effect, self.values)

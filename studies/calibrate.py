@@ -130,7 +130,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         result = run(a.folders, a.jobs, np.random.default_rng(a.seed))
         print(json.dumps(result, indent=1))
         if not a.smoke:
-            save_result("calibration", result)
+            write_result(
+                "calibration",
+                result["headline"],
+                {"constants": result["constants"]},
+                seed=a.seed,
+            )
 
     return guarded(go)
 

@@ -43,7 +43,7 @@ class Inertia(Effect):
 
     @property
     def second_forms(self):
-        return (CompliantMount(), RingingMount())
+        return (CompliantMount(), RingingMount(), BluntTurns())
 
     @staticmethod
     def acceleration(signal, state):
@@ -155,3 +155,38 @@ class RingingMount(Inertia):
         return [
             s | {"resonance_Hz": rate, "damping": 0.2} for s in super().starts(scales)
         ]
+
+
+class BluntTurns(Inertia):
+    r"""The same where the mass turns less sharply than the strain channel says.
+
+    The acceleration is smoothed over a time w before and after: a turn between two
+    samples, or a channel that is the command and not the motion. Smoothed forth and
+    back, so that nothing is late (Gustafsson 1996, doi:10.1109/78.492552).
+    """
+
+    parameters = Inertia.parameters + (
+        Parameter("width_s", "s", 1e-4, 10.0, 0.02, "log", "w"),
+    )
+    shape = ("width_s",)
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import first_order
+
+        force = self.acceleration(signal, state)
+        width = p["width_s"]
+        sets = max(force.shape[1], width.size)
+        force = np.ascontiguousarray(np.broadcast_to(force, (len(force), sets)))
+        step = np.diff(signal.time_s, prepend=signal.time_s[0])
+        for way in (1, -1):
+            out = np.empty_like(force)
+            steps = step if way > 0 else np.concatenate([[0.0], step[:0:-1]])
+            rest = np.zeros((2, sets))
+            ahead = np.ascontiguousarray(force[::way])
+            first_order(steps, ahead, width, rest[0], rest[1], out)
+            force = out[::way]
+        return replace(signal, stress=signal.stress + p["mass"] * force), True
+
+    def starts(self, scales):
+        width = float(np.clip(scales.interval_s, 2e-4, 5.0))
+        return [s | {"width_s": width} for s in super().starts(scales)]

@@ -2,6 +2,7 @@ r"""Branch strength that changes with strain."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -24,13 +25,13 @@ class StrainDependentRelaxation(Effect):
 
     stage = "material"
     ports = ("branches",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("growth", "-", -20.0, 50.0, 1.0, meaning="a, per unit of strain"),
         Parameter("curvature", "-", -50.0, 100.0, 0.0, meaning="b, per strain squared"),
     )
-    off = {"growth": 0.0, "curvature": 0.0}
+    off: Mapping[str, float] = {"growth": 0.0, "curvature": 0.0}
     amplitude = "growth"
-    shape = ("curvature",)
+    shape: tuple[str, ...] = ("curvature",)
     where = "in relaxation, by different shares at different strains"
     twins = {
         "finite_strain": "compression as well as tension",
@@ -39,7 +40,7 @@ class StrainDependentRelaxation(Effect):
 
     @property
     def second_forms(self):
-        return (StrainDrivenBranches(),)
+        return (StrainDrivenBranches(), StrainClock())
 
     def factor(self, p, strain):
         x = np.abs(strain)
@@ -79,3 +80,34 @@ class StrainDrivenBranches(StrainDependentRelaxation):
 
     def after(self, p, signal, state):
         return signal, None
+
+
+class StrainClock(StrainDependentRelaxation):
+    r"""Branches that relax faster, or slower, the more the specimen is strained.
+
+    .. math:: \dot\xi = e^{a|\varepsilon|}, \quad
+              \text{branches relax in } \xi \text{ in place of } t
+
+    Knauss and Emri 1981, doi:10.1016/0045-7949(81)90177-2; a_sigma of Schapery 1969.
+    """
+
+    ports = ("branch_strain",)
+    parameters = (
+        Parameter("growth", "-", -50.0, 50.0, 1.0, meaning="a, per unit of strain"),
+    )
+    off = {"growth": 0.0}
+    shape = ()
+    after = Effect.after
+
+    def before(self, p, signal, state):
+        time = signal.branch_clock
+        last, gone = (time[:1], time[:1]) if state is None else state
+        step = np.diff(time, axis=0, prepend=last)
+        pace = np.exp(np.clip(p["growth"] * np.abs(signal.strain), -30, 30))
+        passed = gone + np.cumsum(step * pace, axis=0)
+        new = replace(signal, branch_time_s=passed)
+        return new, (time[-1:], passed[-1:])
+
+    def starts(self, scales):
+        unit = 1 / max(scales.strain, 1e-6)
+        return [{"growth": float(np.clip(g * unit, -50, 50))} for g in (1.5, -1.0)]

@@ -110,14 +110,13 @@ class ThermalClock(ThermalSoftening):
         pace = p["quickening_per_C"]
         if signal.temperature_C is None and np.all(pace == 0):
             return signal, None
-        known, last, gone = (
-            (0.0, signal.time_s[0], signal.time_s[0]) if state is None else state
-        )
+        time = signal.branch_clock
+        known, last, gone = (0.0, time[:1], time[:1]) if state is None else state
         warmer = self.warmer(signal, known)
-        step = np.diff(signal.time_s, prepend=last)[:, None]
+        step = np.diff(time, axis=0, prepend=last)
         passed = gone + np.cumsum(step * np.exp(pace * warmer[:, None]), axis=0)
         new = replace(signal, branch_time_s=passed)
-        return new, (warmer[-1], signal.time_s[-1], passed[-1:])
+        return new, (warmer[-1], time[-1:], passed[-1:])
 
     def starts(self, scales):
         return [{"quickening_per_C": c} for c in (0.08, 0.03)]

@@ -14,8 +14,8 @@ import numpy as np
 
 from softnn.contracts import Effect
 from softnn.fit import Fit, fit
-from softnn.mismatch.base import Baseline, weigh, weigh_by
-from softnn.mismatch.candidates import FIRST, LATER, candidates, expand, names
+from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
+from softnn.mismatch.candidates import FIRST, LATER, candidates, expand, names, refine
 from softnn.mismatch.evidence import Evidence, Weigher
 from softnn.noise import Noise
 
@@ -23,6 +23,8 @@ EXPANDED = (3, 1, 1)  # accounts of one, two, three effects that are given one m
 PRICE = 5.0  # of an effect, in log evidence, while searching
 FAR = 60.0  # of log evidence, by which an account of several effects is out of it
 TOLD = 0.02  # of log density a sample, by which a noise is another
+NEAR = 10.0  # of log evidence, by which specimens may be behind and yet be tried
+FEWEST = 3  # recordings, to speak of scatter
 TRIED = 6  # accounts, the best, by which one of two noises is chosen
 REFITTED = 4  # iterations, where only the noise has changed
 
@@ -64,6 +66,7 @@ def search(base: Baseline) -> Search:
     weigher = Weigher(engine, base.fit)
     found = [Account(base.fit, weigher.weigh(base.fit))]
     found += _weighed(weigher, first)
+    found += _as_specimens(base, weigher, found)
     for size, count in enumerate(EXPANDED, start=1):
         ranked = sorted((a for a in found if len(a.effects) == size), key=value)
         done: set[frozenset[str]] = set()
@@ -78,6 +81,32 @@ def search(base: Baseline) -> Search:
     noise, accounts = _settled(base, weigher, found)
     base.fit = accounts[0].fit
     return Search(base, noise, accounts)
+
+
+def _as_specimens(
+    base: Baseline, weigher: Weigher, found: Sequence[Account]
+) -> list[Account]:
+    """The accounts with a scale for each recording, if the best is better for it.
+
+    Replicates are different specimens until somebody says otherwise; where nobody did,
+    a scale error in most recordings is what specimens differ by.
+    """
+    count = len(base.engine.chunks)
+    if count < FEWEST or any(p.nuisance for p in base.fit.guess.pieces):
+        return []
+    piece = scatter(count, [(r,) for r in range(1, count)], unsaid=True)
+    rest = [a for a in found if piece.effect.id not in a.effects]
+
+    def apart(account: Account) -> Account:
+        clock = time.perf_counter()
+        new = refine(base.engine, account.fit, piece, REFITTED)
+        evidence = weigher.weigh(new)
+        return Account(new, evidence, account.seconds + time.perf_counter() - clock)
+
+    trials = [apart(rest[0]), apart(max(rest, key=value))]
+    if max(map(value, trials)) < max(map(value, found)) - NEAR:
+        return []
+    return [apart(a) for a in rest]
 
 
 def _settled(

@@ -47,9 +47,16 @@ def nuisance(data: Data, groups: Sequence[tuple[int, ...]]) -> tuple[Piece, ...]
     """A scale for each specimen but the first, where there are several."""
     if len(groups) < 2:
         return ()
+    return (scatter(len(data.chunks), groups[1:]),)
+
+
+def scatter(
+    recordings: int, groups: Sequence[tuple[int, ...]], unsaid: bool = False
+) -> Piece:
+    """What specimens of one material differ by, of its own in each of the groups."""
     law = next(e for e in EFFECTS if e.scatter)
-    off = {k: np.full(len(data.chunks), v) for k, v in law.off.items()}
-    return (Piece(law, off, tuple(off), tuple(groups[1:]), nuisance=True),)
+    off = {k: np.full(recordings, v) for k, v in law.off.items()}
+    return Piece(law, off, tuple(off), tuple(groups), nuisance=True, unsaid=unsaid)
 
 
 def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:

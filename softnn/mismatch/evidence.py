@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from softnn.contracts import Array
-from softnn.fit import Engine, Fit, span
+from softnn.fit import Engine, Fit, get, span
 from softnn.mismatch.learn import features
 from softnn.models.unit_kernel import maxwell
 
@@ -72,8 +72,6 @@ class Weigher:
         self.shared = engine.level * fourier(x, SHARED, rng)
         self.stiffer = base.stress[:, None] * fourier(x, SHARED, rng)
         self.own = engine.level * by_recording(engine)
-        apart = len(engine.chunks) > 1
-        self.scatter = base.stress[:, None] * own_scale(engine, apart)
         self.unseen = unwritten(engine, base)
         self._white: tuple[int, Array, Array] | None = None
 
@@ -81,8 +79,7 @@ class Weigher:
         """The evidence of a fit under the noise that the engine weighs by."""
         engine = self.engine
         if self._white is None or self._white[0] != engine.noises:
-            parts = [self.shared, self.stiffer, self.own, self.scatter]
-            both = np.concatenate(parts, axis=1)
+            both = np.concatenate([self.shared, self.stiffer, self.own], axis=1)
             unseen = engine.whiten(self.unseen)
             self._white = engine.noises, engine.whiten(both), unseen
         _, other, unseen = self._white
@@ -92,9 +89,12 @@ class Weigher:
             if bent
             else np.zeros((len(other), 0))
         )
-        q = span(np.concatenate([found.free_columns, unseen], axis=1))
-        residual = found.residual - q @ (q.T @ found.residual)
-        columns = np.concatenate([form, other], axis=1)
+        free, apart, had = scattered(found)
+        q = span(np.concatenate([free, unseen], axis=1))
+        # Weights of the scatter are counted from none, not from where the fit has them.
+        residual = found.residual + had
+        residual = residual - q @ (q.T @ residual)
+        columns = np.concatenate([form, other, apart], axis=1)
         columns = columns - q @ (q.T @ columns)
         gram, right = columns.T @ columns, columns.T @ residual
         sizes = [
@@ -102,23 +102,28 @@ class Weigher:
             SHARED,
             SHARED,
             self.own.shape[1],
-            self.scatter.shape[1],
+            apart.shape[1],
         ]
         kinds = np.repeat(np.arange(len(sizes)), sizes)
         norm = engine.log_norm - 0.5 * len(residual) * np.log(2 * np.pi)
         plain = norm - 0.5 * float(residual @ residual)
 
         def value(scales: Sequence[float], free: bool) -> float:
-            *_, apart = scales
-            prior = (scales[0] / FORM_PRIOR) ** 2 + (apart / SCATTER_PRIOR) ** 2
+            prior = (scales[0] / FORM_PRIOR) ** 2 + (scales[-1] / SCATTER_PRIOR) ** 2
             if not free:
                 prior += sum((a / ELSE_PRIOR) ** 2 for a in scales[1:-1])
             made = gained(gram, right, np.array(scales)[kinds])
-            return plain + made - 0.5 * prior - UNSAID * (apart > 0)
+            return plain + made - 0.5 * prior - UNSAID * bool(scales[-1])
 
         nothing = [0] * len(GRIDS)
-        place, alone = climb(lambda s: value(s, False), nothing, bool(bent))
-        at, beside = climb(lambda s: value(s, True), place, bool(bent))
+        nothing[-1] = 2 if apart.shape[1] else 0
+        moved = [
+            k
+            for k in range(len(GRIDS))
+            if (k or bent) and (apart.shape[1] or k < len(GRIDS) - 1)
+        ]
+        place, alone = climb(lambda s: value(s, False), nothing, moved)
+        at, beside = climb(lambda s: value(s, True), place, moved)
         law = [0] * (len(GRIDS) - 1) + place[-1:]
         return Evidence(
             value([g[i] for g, i in zip(GRIDS, law, strict=True)], False),
@@ -128,7 +133,10 @@ class Weigher:
             max(g[i] for g, i in zip(GRIDS[1:-1], place[1:-1], strict=True)),
             max(g[i] for g, i in zip(GRIDS[1:-1], at[1:-1], strict=True)),
             SCATTER[place[-1]],
-            len(found.slots),
+            sum(
+                s.piece < 0 or not found.guess.pieces[s.piece].nuisance
+                for s in found.slots
+            ),
         )
 
     def bent(self, change: Array) -> Array:
@@ -145,11 +153,13 @@ class Weigher:
 
 
 def climb(
-    value: Callable[[Sequence[float]], float], start: Sequence[int], form: bool
+    value: Callable[[Sequence[float]], float],
+    start: Sequence[int],
+    moved: Sequence[int],
 ) -> tuple[list[int], float]:
     """The best point of `GRIDS` uphill from `start`, one coordinate at a time.
 
-    `form`: whether there is a form error to be moved.
+    `moved`: the coordinates that there are.
     """
     known: dict[tuple[int, ...], float] = {}
 
@@ -162,7 +172,7 @@ def climb(
     place = list(start)
     while True:
         best = place
-        for k in range(0 if form else 1, len(GRIDS)):
+        for k in moved:
             for i in (place[k] - 1, place[k] + 1, place[k] + 2):
                 if 0 <= i < len(GRIDS[k]):
                     trial = [*place[:k], i, *place[k + 1 :]]
@@ -191,6 +201,31 @@ def gained(gram: Array, right: Array, scale: Array) -> float:
     low = np.linalg.cholesky(inner)
     z = solve_triangular(low, right[live] * s, lower=True, check_finite=False)
     return float(0.5 * (z @ z) - np.log(np.diag(low)).sum())
+
+
+def scattered(found: Fit) -> tuple[Array, Array, Array]:
+    """Whitened columns by what is free, and by the scale of specimens nobody named.
+
+    The latter (valid, k) for weights that are independent and alike, and what the fit
+    has of them (valid,). Its values are over those of the first specimen, which varies
+    as much as any other.
+    """
+    first = len(found.guess.stiffness)
+    pieces = found.guess.pieces
+    unsaid = [
+        j
+        for j, slot in enumerate(found.slots)
+        if slot.piece >= 0 and pieces[slot.piece].unsaid
+    ]
+    unit = np.array([found.slots[j].typical for j in unsaid])
+    values = np.array([get(found.guess, found.slots[j]) for j in unsaid])
+    live = np.ones(found.jacobian.shape[1], bool)
+    live[:first] = (found.guess.stiffness > 0) & (not found.fixed_base)
+    mine = [first + j for j in unsaid]
+    live[mine] = False
+    apart = found.jacobian[:, mine] / unit
+    alike = np.linalg.cholesky(np.eye(len(mine)) + 1.0)
+    return found.jacobian[:, live], apart @ alike, apart @ values
 
 
 def changes(engine: Engine, found: Fit) -> list[Array]:
@@ -269,12 +304,6 @@ def unwritten(engine: Engine, base: Fit) -> Array:
             fading = np.exp(-np.maximum(since, 0.0) / paces)
             out.append(fading * ((since >= 0) & own[:, None]))
     return np.concatenate(out, axis=1)
-
-
-def own_scale(engine: Engine, apart: bool) -> Array:
-    """One in the samples of each recording (valid, recordings); or nothing."""
-    count = len(engine.chunks) if apart else 0
-    return (engine.owner[:, None] == np.arange(count)).astype(float)
 
 
 def trailing(x: Array, time: Array, owner: NDArray[np.integer], lag_s: float) -> Array:
