@@ -20,7 +20,8 @@ ORDER = (
     ("crossval",),
     ("search", "tracking", "report"),
     ("mismatch",),
-    ("export",),
+    ("export", "motor"),
+    ("actuator",),
     ("cli",),
 )
 RANK = {name: i for i, row in enumerate(ORDER) for name in row}
