@@ -203,5 +203,6 @@ def _loop(
             total += error * dt
         rows.append((torque, estimate, limited, x[0], x[1], strain))
         x = advance(x, limited, torque, (q, angles[later]))
-    columns: Array = np.array(rows, np.float64).T
-    return Walk(np.arange(len(wanted)) * dt, *(c.copy() for c in columns))
+    columns: list[Array] = [np.array(c, float) for c in zip(*rows, strict=True)]
+    time: Array = np.arange(len(wanted), dtype=np.float64) * float(dt)
+    return Walk(time, *columns)
