@@ -1,4 +1,4 @@
-"""Section 7.3: the inputs as the text has them, the failure, and what the guard says."""
+"""Section 7.3: the inputs as the text has them, the failure, and the guard."""
 
 import json
 
