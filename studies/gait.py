@@ -46,7 +46,6 @@ class Area:
     group_low: float
     group_high: float
     study: str
-    colour: str = ""
 
 
 @dataclass(frozen=True)
@@ -165,10 +164,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def strip(
     angles: tuple[float, float], length_mm: float, radius_mm: float | None
 ) -> dict[str, float]:
-    """Strain of a strip that winds on a pulley at the joint while the motor stands.
+    """Strain of a strip on a pulley at the joint, radius x angle / length, motor still.
 
-    strain = radius x angle / length. Without a radius, the one is taken at which the
-    whole range is the working range of the thesis.
+    Without a radius, the one at which the whole range is the working range.
     """
     turn = math.radians(angles[1] - angles[0])
     radius = STRAIN * length_mm / turn if radius_mm is None else radius_mm
@@ -221,7 +219,7 @@ def read_areas(path: Path) -> list[Area]:
 def _area(row: Any) -> Area:
     low, high = map(float, row["knee_range"])
     young, old = map(float, row["age_range"])
-    return Area(low, high, young, old, str(row["study"]), str(row.get("colour", "")))
+    return Area(low, high, young, old, str(row["study"]))
 
 
 def _line(row: Any) -> Area:
@@ -283,7 +281,7 @@ def draw(
 def outline(
     areas: Sequence[Area], number: int
 ) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    """Edges, as (x, x) and (y, y), around where areas of `number` studies overlap."""
+    """Edges, (x, x) and (y, y), around where areas of `number` studies overlap."""
     xs = sorted({e for a in areas for e in (a.group_low, a.group_high)})
     ys = sorted({e for a in areas for e in (a.low, a.high)})
     inside = np.zeros((len(xs) + 1, len(ys) + 1), bool)
