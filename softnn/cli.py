@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from softnn.contracts import InputError
+from softnn.export.command import add_export
 from softnn.mismatch.commands import add_diagnose, add_simulate
 from softnn.recording import Recording
 
@@ -27,6 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     _add_read(commands)
     add_diagnose(commands)
     add_simulate(commands)
+    add_export(commands)
     arguments = parser.parse_args(argv)
     try:
         return int(arguments.run(arguments))

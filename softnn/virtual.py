@@ -150,7 +150,7 @@ def stress(c: Calibration, strain: Array, interval: float, specimen: Specimen) -
     Exact where the branches' strain measure is linear between samples.
     """
     branches = c.branch_moduli @ _branches(c, strain, interval)
-    return specimen.stiffness * (_equilibrium(c, strain, specimen) + branches)
+    return specimen.stiffness * (equilibrium(c, strain, specimen) + branches)
 
 
 def hold(
@@ -176,14 +176,15 @@ def hold(
     last = _branches(c, strain, ramp[1])[:, -1]
     decay = np.exp(-held / np.array(c.branch_times)[:, None])
     branches = (c.branch_moduli * last) @ decay
-    relaxing = specimen.stiffness * (_equilibrium(c, strain[-1:], specimen) + branches)
+    relaxing = specimen.stiffness * (equilibrium(c, strain[-1:], specimen) + branches)
     elongation = np.append(velocity * ramp, np.full(len(held), test["elongation"]))
     loading = stress(c, strain, ramp[1], specimen)
     time = np.append(ramp, ramp[-1] + held)
     return time, elongation, np.append(loading, relaxing)
 
 
-def _equilibrium(c: Calibration, strain: Array, specimen: Specimen) -> Array:
+def equilibrium(c: Calibration, strain: Array, specimen: Specimen) -> Array:
+    """Stress [MPa] (n,) that lasts, less the specimen's `stiffness`; strain from 0."""
     u, n = strain / c.knee_strain, c.knee_sharpness
     knee = c.knee_stress * u * (1 + u**n) ** (-1 / n)
     beyond = np.maximum(strain / specimen.extensibility - c.upturn_strain, 0)

@@ -13,6 +13,7 @@ from softnn.metrics import nrmse
 from softnn.neural import (
     Regularisation,
     Samples,
+    Seen,
     StoredNetwork,
     Trained,
     samples,
@@ -84,7 +85,9 @@ class Trainer:
             seeds=[chosen.get("folds_seed", self.settings.seed) * 1000],
             regularisation=Regularisation.parse(chosen["regularisation"]),
         )[0]
-        return StoredNetwork(one.network, chosen["inputs"], known.lag_s)
+        return StoredNetwork(
+            one.network, chosen["inputs"], known.lag_s, Seen.of(self.data.tensile)
+        )
 
     def __call__(self, parameters: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
         chosen = asdict(self.settings) | dict(parameters)

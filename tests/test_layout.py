@@ -20,12 +20,14 @@ ORDER = (
     ("crossval",),
     ("search", "tracking", "report"),
     ("mismatch",),
+    ("export", "motor"),
+    ("actuator",),
     ("cli",),
 )
 RANK = {name: i for i, row in enumerate(ORDER) for name in row}
 
 # One home for each heavy dependency: whoever replaces it edits one place.
-HOMES = {"optuna": "search", "mlflow": "tracking", "torch": "neural"}
+HOMES = {"optuna": "search", "mlflow": "tracking", "torch": "neural", "onnx": "export"}
 
 
 def modules(folder: Path) -> list[Path]:

@@ -6,6 +6,7 @@ import os
 # ten times slower as soon as anything else runs on the same cores.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
+from softnn.neural.guard import Seen, counted
 from softnn.neural.inputs import ARCHITECTURES, Architecture, Samples, samples
 from softnn.neural.levenberg import Settings
 from softnn.neural.network import Network, Scaling
@@ -19,9 +20,11 @@ __all__ = [
     "Regularisation",
     "Samples",
     "Scaling",
+    "Seen",
     "Settings",
     "StoredNetwork",
     "Trained",
+    "counted",
     "samples",
     "train",
 ]

@@ -68,7 +68,7 @@ def samples(
     for i, recording in enumerate(recordings):
         columns = [_lagged(recording, lag, lag_s) for lag in row.lags]
         if row.rate:
-            columns.append(_rate(recording, lag_s))
+            columns.append(strain_rate(recording, lag_s))
         inputs = np.column_stack(columns)
         keep = np.isfinite(inputs).all(axis=1) & np.isfinite(recording.stress_MPa)
         blocks.append(inputs[keep])
@@ -98,7 +98,8 @@ def _lagged(recording: Recording, lag: int, lag_s: float | None) -> Array:
     return np.interp(recording.time_s - lag * lag_s, time, strain[index])
 
 
-def _rate(recording: Recording, lag_s: float | None) -> Array:
+def strain_rate(recording: Recording, lag_s: float | None = None) -> Array:
+    """Strain rate (n,) in 1/s as networks get it: see `samples`."""
     if recording.test == "tensile" and recording.rate_per_s is not None:
         return np.full(len(recording), recording.rate_per_s)
     time, index = np.unique(recording.time_s, return_index=True)

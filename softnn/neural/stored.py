@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from softnn.contracts import Array, Chunk, InputError
-from softnn.neural.inputs import ARCHITECTURES, samples
+from softnn.neural.guard import Seen
+from softnn.neural.inputs import ARCHITECTURES, samples, strain_rate
 from softnn.neural.network import Network
 from softnn.recording import Recording
 
@@ -22,11 +24,13 @@ class StoredNetwork:
     """A network with the inputs it wants: stress of a strain history.
 
     `lag_s` is the lag time of its inputs, None for one sampling step of a recording.
+    `seen` is what it was trained on; an older file has only the ranges of its inputs.
     """
 
     network: Network
     architecture: str
     lag_s: float | None = None
+    seen: Seen | None = None
     needs_simulated = False
 
     @property
@@ -38,7 +42,33 @@ class StoredNetwork:
             "architecture": self.architecture,
             "lag_s": self.lag_s,
             "network": self.network.to_dict(),
+            "seen": None if self.seen is None else self.seen.to_dict(),
         }
+
+    @property
+    def known(self) -> Seen:
+        """Strains and rates of the training, as far as the file tells them."""
+        if self.seen is not None:
+            return self.seen
+        low, high = self.network.inputs.low, self.network.inputs.high
+        rate = ARCHITECTURES[self.architecture].rate
+        return Seen(
+            (float(low[0]), float(high[0])),
+            (float(low[-1]), float(high[-1])) if rate else None,
+        )
+
+    def outside(self, chunk: Chunk) -> npt.NDArray[np.uint8]:
+        """For each sample (n,) whether it is asked what it was never shown.
+
+        Bits of `softnn.neural.guard`. The rate is that of the network's own input, a
+        backward difference; the first sample has none.
+        """
+        rate = np.full(len(chunk.time_s), np.nan)
+        if len(np.unique(chunk.time_s)) > 1:
+            plain = Recording(chunk.time_s, chunk.strain, np.zeros(len(chunk.strain)))
+            rate = strain_rate(plain, self.lag_s)
+            rate[chunk.time_s == chunk.time_s[0]] = np.nan
+        return self.known.flags(np.asarray(chunk.strain, float), rate)
 
     def stress(
         self,
@@ -83,4 +113,7 @@ def from_dict(given: Mapping[str, Any]) -> StoredNetwork:
     lag = given.get("lag_s")
     if lag is not None and not (isinstance(lag, int | float) and 0 < lag < np.inf):
         raise InputError(f"lag_s is {lag!r}; it must be above 0, or null")
-    return StoredNetwork(network, architecture, lag)
+    seen = given.get("seen")
+    return StoredNetwork(
+        network, architecture, lag, None if seen is None else Seen.from_dict(seen)
+    )

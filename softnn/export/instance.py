@@ -1,0 +1,195 @@
+"""One model as C: its types, its functions, and the step that joins them.
+
+`Instance` knows a corrected model (`Stored`) and a network (`StoredNetwork`). A model
+that corrects another one holds an instance of it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import InputError
+from softnn.effects.friction_hysteresis import RATIOS
+from softnn.export.network import network
+from softnn.export.parts import DEEPEST, UNSTEPPED, Instance, Options, struct_of
+from softnn.export.templates_of import FOLDER, blocks, fill, indented, literal
+from softnn.mismatch.model_file import Stored
+from softnn.neural import StoredNetwork
+
+
+def instance(
+    model: Stored | StoredNetwork, name: str, options: Options, number: int = 0
+) -> Instance:
+    """The C of a model and of those it holds; `InputError` for what has none."""
+    if number > DEEPEST:
+        raise InputError(f"more than {DEEPEST} models that correct one another")
+    prefix = f"{name}_m{number}"
+    if isinstance(model, StoredNetwork):
+        return network(model, name, prefix, options)
+    return _corrected(model, name, prefix, options, number)
+
+
+# -- corrected models ------------------------------------------------------------------
+
+
+def _corrected(
+    model: Stored, name: str, prefix: str, options: Options, number: int
+) -> Instance:
+    out = Instance(prefix)
+    for value in (*model.stiffness, *model.units.knots, *model.units.relaxation_times):
+        literal(value)  # refuses what is no number
+    if model.learned is not None:
+        _unless_left_out("learned", options, out)
+    members: list[str] = []
+    places = {"p": prefix, "springs": f"{prefix}_springs(e)", "branches": "0.0"}
+    out.functions.append(_springs(model, prefix))
+    used = np.flatnonzero(model.stiffness[model.units.segments :])
+    if len(used):
+        times = np.array(model.units.relaxation_times)[used]
+        filled = {
+            "p": prefix,
+            "n": len(used),
+            "times": times,
+            "stiffness": model.stiffness[model.units.segments :][used],
+        }
+        out.types.append(fill(blocks("base.c")["branches_type"], filled))
+        out.functions.append(fill(blocks("base.c")["branches"], filled))
+        members.append(f"{prefix}_branches_t fitted;")
+        places["branches"] = f"{prefix}_branches(&s->fitted, dt, b)"
+    steps, own = _effects(model, options, out)
+    members += own
+    correct = ""
+    if model.needs_simulated:
+        given = "simulated_MPa"
+        if model.simulation is not None:
+            inner = instance(model.simulation, name, options, number + 1)
+            out.types[:0], out.functions[:0] = inner.types, inner.functions
+            out.notes += inner.notes
+            out.needs_simulated = inner.needs_simulated
+            out.needs_temperature |= inner.needs_temperature
+            out.is_network = inner.is_network
+            members.append(f"{inner.prefix}_t simulation;")
+            given = (
+                f"{inner.prefix}_step(&s->simulation, first, dt, t, strain, "
+                "temperature_C,\n        simulated_MPa, flags)"
+            )
+        else:
+            out.needs_simulated = True
+        # What the base says without any effect is taken from the simulation instead.
+        correct = f"    y += {given};\n    y -= {prefix}_springs(strain);\n"
+        if len(used):
+            members.append(f"{prefix}_branches_t plain;")
+            correct += f"    y -= {prefix}_branches(&s->plain, dt, strain);\n"
+    out.types.append(struct_of(prefix, members))
+    out.functions.append(
+        fill(blocks("step.c")["corrected"], places | steps | {"correct": correct})
+    )
+    return out
+
+
+def _unless_left_out(what: str, options: Options, out: Instance) -> None:
+    if what not in options.leave_out:
+        raise InputError(
+            f"{what} cannot be stepped: {UNSTEPPED[what]}; --leave-out {what} "
+            "exports the rest"
+        )
+    out.notes.append(f"Left out: {what}.")
+
+
+def _springs(model: Stored, prefix: str) -> str:
+    knots = np.array(model.units.knots)
+    slopes = model.stiffness[: model.units.segments]
+    if model.units.segments == 1:  # a line through the origin, wherever its ends are
+        knots = np.zeros(2)
+    at = model.units.springs(knots) @ slopes
+    return fill(
+        blocks("base.c")["springs"],
+        {
+            "p": prefix,
+            "n": len(slopes),
+            "last": len(slopes) - 1,
+            "knots": knots[:-1],
+            "at": at[:-1],
+            "slopes": slopes,
+        },
+    )
+
+
+def _effects(
+    model: Stored, options: Options, out: Instance
+) -> tuple[dict[str, str], list[str]]:
+    """C of all effects by place, in the order in which `simulate` applies them."""
+    steps = {"before": "", "after": "", "sensor": ""}
+    members = []
+    order = [
+        (s, i, piece)
+        for s in ("rig", "material", "sensor")
+        for i, piece in enumerate(model.pieces)
+        if piece.effect.stage == s
+    ]
+    # Hooks before the model go by stage; behind it rig and material as they are listed.
+    after = sorted(order, key=lambda entry: (entry[0] == "sensor", entry[1]))
+    for kind, entries in (("before", order), ("after", after)):
+        for stage, i, piece in entries:
+            law = piece.effect
+            if law.id == "inertia":
+                if kind == "before":
+                    _unless_left_out(law.id, options, out)
+                continue
+            text = _template(law.id, law.form)
+            places = _places(model, i, options)
+            body = text.get(f"{law.form} {kind}")
+            if kind == "before" and (state := text.get(f"{law.form} state")):
+                members.append(f"struct {{ {fill(state, places).strip()} }} e{i};")
+            if body is None:
+                continue
+            body = fill(body, places).replace("q->", f"s->e{i}.")
+            place = "sensor" if stage == "sensor" else kind
+            steps[place] += indented(f"/* {law.id} */\n{body}")
+            out.needs_temperature |= law.needs_temperature
+    return steps, members
+
+
+def _template(id: str, form: str) -> dict[str, str]:
+    file = f"effects/{id}.c"
+    found = blocks(file) if (FOLDER / file).is_file() else {}
+    if not any(k.split()[0] == form for k in found):
+        raise InputError(f"no C is written for {id} ({form}); add it to {file}")
+    return found
+
+
+def _places(model: Stored, i: int, options: Options) -> dict[str, Any]:
+    """Values of an effect, and what its template needs besides."""
+    law, own = model.pieces[i].effect, model.own[i]
+    values: dict[str, Any] = dict(model.pieces[i].values)
+    for key in law.per_recording:  # as `Stored.stress` takes them
+        plain = law.off.get(key, values[key])
+        values[key] = own.get(key, {}).get(options.recording or "", plain)
+    law.prepare(values)
+    if law.form in ("FrictionHysteresis", "WallFriction"):
+        weight = np.exp(-0.5 * (np.log2(RATIOS) / values["spread"]) ** 2)
+        values |= {
+            "elements": len(RATIOS),
+            "radius": values["presliding"] * RATIOS,
+            "weight": weight / weight.sum(),
+        }
+    if law.form in ("Delay", "DelayedLag"):
+        values["capacity"] = options.capacity(values["time_constant_s"])
+    return values
+
+
+def kernels_for(functions: str) -> str:
+    """The kernels that the functions call, and those that these call, in order."""
+    have: Mapping[str, str] = blocks("kernels.c")
+    wanted: set[str] = set()
+    text = functions
+    while True:
+        found = {k for k in have if re.search(rf"\b{k}(_at|_push)?\(", text)} - wanted
+        if not found:
+            return "\n".join(have[k] for k in have if k in wanted)
+        wanted |= found
+        text = "".join(have[k] for k in found)

@@ -1,0 +1,71 @@
+/*@ springs */
+/* Springs in turn, straight between the knots and beyond them. */
+static double {p}_springs(double e)
+{
+    static const double knot[{n}] = {{knots}};
+    static const double at[{n}] = {{at}};
+    static const double slope[{n}] = {{slopes}};
+    int low = 0, high = {last};
+    while (low < high) {
+        const int middle = (low + high + 1) / 2;
+        if (knot[middle] <= e) {
+            low = middle;
+        } else {
+            high = middle - 1;
+        }
+    }
+    return at[low] + slope[low] * (e - knot[low]);
+}
+/*@ branches_type */
+typedef struct {
+    int known;
+    double dt, last, decay[{n}], gain[{n}], carried[{n}];
+} {p}_branches_t;
+/*@ branches */
+/* Maxwell branches, exact for strain that is straight between samples. */
+static double {p}_branches({p}_branches_t *s, double dt, double b)
+{
+    static const double time[{n}] = {{times}};
+    static const double stiffness[{n}] = {{stiffness}};
+    const double jump = b - s->last;
+    double sum = 0.0;
+    int j;
+    if (dt != s->dt || !s->known) {
+        for (j = 0; j < {n}; j++) {
+            const double x = dt / time[j], lost = -expm1(-x);
+            s->decay[j] = 1.0 - lost;
+            s->gain[j] = x > 1e-9 ? lost / x : 1.0 - x / 2.0;
+        }
+        s->dt = dt;
+        s->known = 1;
+    }
+    for (j = 0; j < {n}; j++) {
+        const double stress = s->decay[j] * s->carried[j] + s->gain[j] * jump;
+        s->carried[j] = fabs(stress) < 1e-290 ? 0.0 : stress;
+        sum += stiffness[j] * s->carried[j];
+    }
+    s->last = b;
+    return sum;
+}
+/*@ network */
+/* One hidden layer of tanh neurons over inputs scaled to [-1, 1]. */
+static double {p}_network(const double *x)
+{
+    static const double middle[{d}] = {{middle}};
+    static const double half[{d}] = {{half}};
+    static const double hidden[{n}][{d} + 1] = {{hidden}};
+    static const double output[{n} + 1] = {{output}};
+    double z[{d}], sum = output[{n}];
+    int i, j;
+    for (j = 0; j < {d}; j++) {
+        z[j] = (x[j] - middle[j]) / half[j];
+    }
+    for (i = 0; i < {n}; i++) {
+        double a = hidden[i][{d}];
+        for (j = 0; j < {d}; j++) {
+            a += hidden[i][j] * z[j];
+        }
+        sum += output[i] * tanh(a);
+    }
+    return sum * {target_half} + {target_middle};
+}

@@ -1,0 +1,2 @@
+/*@ GainError after */
+y *= 1.0 + {error};

@@ -1,0 +1,23 @@
+/*@ MullinsSoftening state */
+double largest;
+/*@ MullinsSoftening after */
+{
+    double top, reach, factor;
+    q->largest = fmax(q->largest, fabs(e));
+    top = pow(q->largest, {power});
+    reach = (top - pow(fabs(e), {power})) / (pow({scale}, {power}) + top);
+    factor = 1.0 - {depth} * erf(fmax(reach, 0.0) / {sharpness});
+    eq *= factor;
+    br *= 1.0 - {viscous_share} * (1.0 - factor);
+}
+/*@ SimoDamage state */
+double largest;
+/*@ SimoDamage after */
+{
+    double factor;
+    q->largest = fmax(q->largest, fabs(e));
+    factor = 1.0
+             + {depth} * expm1(-pow(q->largest / {scale}, fmin(1.0 / {sharpness}, 20.0)));
+    eq *= factor;
+    br *= 1.0 - {viscous_share} * (1.0 - factor);
+}

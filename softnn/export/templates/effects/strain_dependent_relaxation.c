@@ -1,0 +1,4 @@
+/*@ StrainDependentRelaxation after */
+br *= fmax(1.0 + {growth} * fabs(e) + {curvature} * e * e, 0.0);
+/*@ StrainDrivenBranches before */
+b = b + {growth} * b * fabs(b) / 2.0 + {curvature} * b * b * b / 3.0;

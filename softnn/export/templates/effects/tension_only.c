@@ -1,0 +1,12 @@
+/*@ TensionOnly after */
+if (eq + br < 0.0) {
+    eq *= 1.0 - {amount};
+    br *= 1.0 - {amount};
+}
+/*@ CrookedStrip after */
+if (eq + br < 0.0) {
+    const double pushed = -(eq + br);
+    const double kept = 1.0 - {amount} * pushed / (pushed + {buckling_MPa});
+    eq *= kept;
+    br *= kept;
+}

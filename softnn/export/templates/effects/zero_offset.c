@@ -1,0 +1,2 @@
+/*@ ZeroOffset after */
+y += {offset_MPa};

@@ -1,0 +1,89 @@
+/*@ clip */
+static double clip(double x, double low, double high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+/*@ sign */
+static double sign(double x)
+{
+    return (double)((x > 0.0) - (x < 0.0));
+}
+/*@ first_order */
+/* A first-order lag of a signal that is straight between samples. */
+static double first_order(double dt, double x, double tau, double *before, double *y)
+{
+    if (tau <= 0.0) {
+        *y = x;
+    } else if (dt > 0.0) {
+        const double lost = -expm1(-dt / tau);
+        *y = x + (1.0 - lost) * (*y - *before) - (x - *before) * lost * tau / dt;
+    }
+    *before = x;
+    return *y;
+}
+/*@ flow */
+/* A spring in series with a nonlinear dashpot; power 0 is Eyring's, else Norton's. */
+static double flow(double dt, double increment, double time, double threshold,
+                   double power, double *carried)
+{
+    const double dx = increment / threshold;
+    const double many = ceil(fabs(dx) * 1.5);
+    const int parts = many < 1.0 ? 1 : many > 24.0 ? 24 : (int)many;
+    const double h = dt / parts / time, d = dx / parts;
+    double g = *carried / threshold;
+    int i;
+    for (i = 0; i < parts; i++) {
+        g += 0.5 * d;
+        if (h > 0.0) {
+            if (power == 0.0) {
+                const double u = tanh(0.5 * g) * exp(-h);
+                g = fabs(u) < 1.0 ? log1p(u) - log1p(-u) : g;
+            } else if (fabs(power - 1.0) < 1e-9) {
+                g *= exp(-h);
+            } else if (g != 0.0) {
+                const double base = pow(fabs(g), 1.0 - power) + (power - 1.0) * h;
+                const double a = base > 0.0 ? pow(base, 1.0 / (1.0 - power)) : 0.0;
+                g = g > 0.0 ? a : -a;
+            }
+        }
+        g += 0.5 * d;
+    }
+    *carried = g * threshold;
+    return *carried;
+}
+/*@ ring */
+/* The last samples of a signal; what is older than all of them is the oldest. */
+static void ring_push(double *time, double *value, int capacity, int *end, int *count,
+                      double t, double x)
+{
+    time[*end] = t;
+    value[*end] = x;
+    *end = (*end + 1) % capacity;
+    if (*count < capacity) {
+        ++*count;
+    }
+}
+
+static double ring_at(const double *time, const double *value, int capacity, int end,
+                      int count, double when)
+{
+    const int start = (end - count + capacity) % capacity;
+    int low = 0, high = count, a, b;
+    double gap, share;
+    while (low < high) { /* the first sample after `when` */
+        const int middle = (low + high) / 2;
+        if (time[(start + middle) % capacity] <= when) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    if (low == 0 || low == count) {
+        return value[(start + (low ? count - 1 : 0)) % capacity];
+    }
+    a = (start + low - 1) % capacity;
+    b = (start + low) % capacity;
+    gap = time[b] - time[a];
+    share = (when - time[a]) / gap;
+    return value[a] * (1.0 - share) + value[b] * share;
+}
