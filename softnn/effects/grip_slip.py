@@ -164,7 +164,8 @@ def _in_motion(
     ways = np.stack([strain[i] - strain[a], strain[b] - strain[j]])
     took = np.stack([time[i] - time[a], time[b] - time[j]])
     speeds = ways / np.where(took > 0, took, np.inf)  # time stamps may repeat
-    clear = (took.min(axis=0) > 0) & (rises.min(axis=0) > QUIET * level) & (ways.min(axis=0) > 0)
+    clear = (rises.min(axis=0) > QUIET * level) & (ways.min(axis=0) > 0)
+    clear &= took.min(axis=0) > 0
     clear &= speeds.max(axis=0) < STEADY * speeds.min(axis=0)
     if not clear.any():
         return np.zeros(len(i))
