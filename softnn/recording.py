@@ -5,11 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from softnn.contracts import Array, InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,49 @@ class Recording:
             {c: getattr(self, c) for c in COLUMNS if getattr(self, c) is not None},
             self.source or self.name or None,
         )
+
+    @classmethod
+    def from_frame(cls, frame: pd.DataFrame, **about: Any) -> Recording:
+        """A recording of a table with its columns by name; others are left alone.
+
+        `about`: name, specimen and other fields. Raises `InputError`.
+
+        >>> import pandas as pd
+        >>> table = {"time_s": [0, 1], "strain": [0, 0.1], "stress_MPa": [0, 0.2]}
+        >>> r = Recording.from_frame(pd.DataFrame(table), name="a")
+        >>> r.to_frame().equals(pd.DataFrame(table, dtype=float))
+        True
+        """
+        import pandas as pd
+
+        channels = {}
+        for column in COLUMNS:
+            if column not in frame.columns:
+                if column in REQUIRED:
+                    raise InputError(
+                        f"no such column; it has {[str(c) for c in frame.columns]}, "
+                        f"needed: {','.join(REQUIRED)}",
+                        file=about.get("name"),
+                        column=column,
+                    )
+                continue
+            values = pd.to_numeric(frame[column], errors="coerce")
+            text = (values.isna() & frame[column].notna()).to_numpy()
+            if text.any():
+                i = int(text.argmax())
+                raise InputError(
+                    f"sample {i}: {str(frame[column].iloc[i])[:40]!r} is not a number",
+                    file=about.get("name"),
+                    column=column,
+                )
+            channels[column] = values.to_numpy(float)
+        return cls(**channels, **about)
+
+    def to_frame(self) -> pd.DataFrame:
+        """The channels as a table, a column each."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns)
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear, nnls
 from softnn.bounded import bounded
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
-from softnn.fit import Data, Engine, Guess, Piece, fit, put, slots
+from softnn.fit import Data, Engine, Guess, Piece, fit, put, slots, span
 from softnn.models.linear import StandardLinearSolid
 from softnn.models.units import BASES, Units, build
 from softnn.simulate import Term, simulate
@@ -115,7 +115,7 @@ def _mullins(depth=0.4):
     return law.defaults() | {"depth": depth, "scale": 0.1}
 
 
-def test_planted_effect_and_base_come_back_from_coloured_noise():
+def test_planted_effect_and_base_come_back_from_noise():
     units = build("pl-wiechert", 0.0, 0.8, 0.1, 40.0, segments=4)
     truth = np.zeros(units.columns)
     truth[:4] = [1.0, 0.8, 0.9, 1.5]
@@ -127,7 +127,7 @@ def test_planted_effect_and_base_come_back_from_coloured_noise():
     rng = np.random.default_rng(11)
     stress = tuple(c + 0.003 * rng.standard_normal(len(c)) for c in clean)
     engine = Engine(Data(("a", "b", "c"), chunks, stress))
-    engine.set_noise([np.full(len(c), 0.003) for c in clean], [0.0] * 3)
+    engine.set_noise([np.full(len(c), 0.003) for c in clean], None)
     piece = Piece(effect("mullins_softening"), _mullins(0.1), ("depth", "scale"))
     found = fit(engine, Guess(units, np.zeros(units.columns), (piece,)), iterations=20)
     values = found.guess.pieces[0].values
@@ -169,3 +169,62 @@ def test_moves_are_made_on_top_of_what_a_simulation_has_beyond_its_stand_in():
     alone, _ = engine.run(put(guess, [slot], [0.4]), False)
     np.testing.assert_allclose(change, alone - plain, atol=1e-12)
     assert np.abs(change).max() > 0.01
+
+
+def test_blind_is_the_fit_with_the_columns_free():
+    rng = np.random.default_rng(1)
+    extra = np.sin(3 * TIME)
+    stress = 2.0 * STRAIN + 0.3 * extra + 0.01 * rng.standard_normal(len(TIME))
+    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (stress,)))
+    hooke = Units("hooke", (0.0, 1.0))
+    with engine.blind(extra[:, None]):
+        found = fit(engine, Guess(hooke, np.ones(1)))
+    both = np.linalg.lstsq(np.stack([STRAIN, extra], axis=1), stress, rcond=None)
+    assert found.guess.stiffness[0] == pytest.approx(both[0][0], rel=1e-9)
+    assert found.chi2 == pytest.approx(float(both[1][0]), rel=1e-9)
+    # Outside, the columns are seen again.
+    assert fit(engine, found.guess).chi2 > 10 * found.chi2
+
+
+def test_span_leaves_out_columns_that_depend_on_others():
+    x = np.random.default_rng(2).standard_normal((40, 3))
+    q = span(np.column_stack([x, x @ [1.0, 2.0, -1.0], np.zeros(40)]))
+    assert q.shape == (40, 3)
+    np.testing.assert_allclose(q.T @ q, np.eye(3), atol=1e-9)
+
+
+def test_finer_units_carry_the_same_stress():
+    units = Units("pl-wiechert", (0.0, 0.25, 1.0), (0.5, 5.0))
+    stress = STRAIN + STRAIN**2
+    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (stress,)))
+    coarse = fit(engine, Guess(units, np.ones(units.columns)))
+    finer = units.finer()
+    assert finer.segments == 4
+    assert len(finer.relaxation_times) == 3
+    assert set(units.knots) < set(finer.knots)
+    assert set(units.relaxation_times) < set(finer.relaxation_times)
+    fine = fit(engine, Guess(finer, np.ones(finer.columns)))
+    assert fine.chi2 < coarse.chi2
+
+
+def test_what_was_measured_is_back_after_another_stress_was_fitted():
+    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (2 * STRAIN,)))
+    before, hooke = engine.target, Guess(Units("hooke", (0.0, 1.0)), np.ones(1))
+    with engine.made_by(3 * STRAIN):
+        assert fit(engine, hooke).guess.stiffness[0] == pytest.approx(3.0)
+    assert engine.target is before
+
+
+def test_memory_of_the_noise_weighs_as_generalised_least_squares_does():
+    rng = np.random.default_rng(9)
+    stress = 2.0 * STRAIN + 0.05 * rng.standard_normal(len(TIME))
+    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (stress,)))
+    engine.set_noise([np.full(len(TIME), 0.05)], [((0.6, 0.5), (0.3, 4.0))])
+    found = fit(engine, Guess(Units("hooke", (0.0, 1.0)), np.ones(1)))
+    apart = np.abs(TIME[:, None] - TIME)
+    dense = 0.6 * np.exp(-apart / 0.5) + 0.3 * np.exp(-apart / 4) + 0.1 * np.eye(400)
+    inverse = np.linalg.inv(0.05**2 * dense)
+    expected = STRAIN @ inverse @ stress / (STRAIN @ inverse @ STRAIN)
+    assert found.guess.stiffness[0] == pytest.approx(expected, rel=1e-8)
+    left = stress - expected * STRAIN
+    assert found.chi2 == pytest.approx(left @ inverse @ left, rel=1e-8)

@@ -34,7 +34,7 @@ def engine_of(found):
     data = Data(
         tuple(r.name for r in found), chunks, tuple(r.stress_MPa for r in found)
     )
-    return Engine(data, [np.full(len(r), SIGMA) for r in found], [0.0] * len(found))
+    return Engine(data, [np.full(len(r), SIGMA) for r in found])
 
 
 @pytest.mark.parametrize("seconds", [1.3, 3.7])

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from softnn.noise import estimate, quantum
+from softnn.bounded import innovations, whitened
+from softnn.contracts import Chunk
+from softnn.fit import Data, Engine
+from softnn.noise import PARTS, estimate, quantum
 
 
 def drawn(rng, n, sigma, phi):
@@ -34,7 +37,8 @@ def test_level_and_colour_come_back(phi):
     found = estimate(*case(np.random.default_rng(1), 0.01, phi))
     for noise in found:
         assert noise.floor_MPa == pytest.approx(0.01, rel=0.15)
-        assert noise.correlation == pytest.approx(phi, abs=0.08)
+        step = np.exp(-0.01 / noise.memory[0][1]) if noise.memory else 0.0
+        assert step == pytest.approx(phi, abs=0.08)
     if phi:
         seconds = -0.01 / np.log(phi)
         middle = np.median([n.correlation_s for n in found])
@@ -64,7 +68,6 @@ def test_recordings_of_different_clocks_share_a_correlation_time():
     found = estimate(*(a + b for a, b in zip(slow, fast, strict=True)))
     assert found[0].correlation_s == pytest.approx(0.1, rel=0.4)
     assert found[-1].correlation_s == pytest.approx(0.1, rel=0.4)
-    assert found[0].correlation < found[-1].correlation
 
 
 def test_level_that_grows_with_stress_is_recognised():
@@ -93,3 +96,79 @@ def test_missing_values_and_ten_samples_are_allowed():
     x[3] = np.nan
     (found,) = estimate([x], [x], [t])
     assert 0.001 < found.sigma(x)[0] < 0.1
+
+
+# -- whitening: what is left of the truth must be white, of variance one ---------------
+
+COUNT, STEP = 1500, 0.02
+
+
+def pink(rng, n):
+    """1/f noise of variance one: first-order parts at times a factor apart."""
+    phi = np.exp(-1 / PARTS)
+    return sum(drawn(rng, n, len(phi) ** -0.5, p) for p in phi)
+
+
+KINDS = {
+    "white": lambda rng, t, s: 0.01 * rng.standard_normal(len(t)),
+    "level of each": lambda rng, t, s: (
+        0.01 * rng.uniform(0.5, 2) * rng.standard_normal(len(t))
+    ),
+    "share of stress": lambda rng, t, s: (
+        np.hypot(0.003, 0.03 * s) * rng.standard_normal(len(t))
+    ),
+    "memory in samples": lambda rng, t, s: drawn(rng, len(t), 0.01, 0.6),
+    "memory in seconds": lambda rng, t, s: drawn(
+        rng, len(t), 0.01, np.exp(-(t[1] - t[0]) / 0.1)
+    ),
+    "1/f": lambda rng, t, s: 0.01 * pink(rng, len(t)),
+    "quantised": lambda rng, t, s: (
+        0.02 * np.round((s + 0.004 * rng.standard_normal(len(t))) / 0.02) - s
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_noise_of_every_kind_is_white_of_variance_one_once_whitened(kind):
+    """Of the exact truth, with the noise as estimated from what the truth leaves."""
+    squares, next_to = [], []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        times = [k * STEP * np.arange(COUNT) for k in (0.5, 1.0, 1.0, 2.0)]
+        smooth = [(1 + t / t[-1]) * np.sin(3 * t / t[-1]) for t in times]
+        noise = [KINDS[kind](rng, t, s) for t, s in zip(times, smooth, strict=True)]
+        stress = tuple(s + e for s, e in zip(smooth, noise, strict=True))
+        found = estimate(noise, stress, times)
+        chunks = tuple(Chunk(t, s) for t, s in zip(times, smooth, strict=True))
+        engine = Engine(Data(tuple("abcd"), chunks, stress))
+        sigma = [f.sigma(s) for f, s in zip(found, stress, strict=True)]
+        engine.set_noise(sigma, [f.memory for f in found])
+        white = engine.whiten(np.concatenate(noise))
+        squares.append(np.mean(white**2))
+        next_to.append(np.mean(white[1:] * white[:-1]))
+    assert np.median(squares) == pytest.approx(1.0, abs=0.05)
+    assert np.median(next_to) == pytest.approx(0.0, abs=0.06)
+
+
+def test_whitened_rows_are_those_of_a_dense_cholesky_factor():
+    rng = np.random.default_rng(6)
+    time = np.cumsum(rng.uniform(0.01, 0.5, 90))
+    owner = (np.arange(90) >= 40).astype(int)
+    share, tau = np.array([0.5, 0.3]), np.array([0.2, 2.0])
+    sigma = rng.uniform(0.5, 2, 90)
+    apart = np.abs(time[:, None] - time)[..., None]
+    dense = (share * np.exp(-apart / tau)).sum(axis=2) + 0.2 * np.eye(90)
+    dense *= owner[:, None] == owner
+    low = np.linalg.cholesky(dense * np.outer(sigma, sigma))
+    x = rng.standard_normal((90, 3))
+
+    step = np.diff(time, prepend=time[0])[:, None]
+    first = np.diff(owner, prepend=-1) != 0
+    decay = np.exp(-step / tau)
+    parts, white = np.tile(share, (90, 1)), np.full(90, 0.2)
+    gain, scale = innovations(decay, parts, white, first)
+    ours = whitened(x, sigma, decay, gain, scale, first)
+    np.testing.assert_allclose(ours, np.linalg.solve(low, x), rtol=1e-9, atol=1e-10)
+    # And the density of what is whitened: log of the determinant of the factor.
+    expected = -np.log(np.diag(low)).sum()
+    assert np.log(scale / sigma).sum() == pytest.approx(expected, rel=1e-9)

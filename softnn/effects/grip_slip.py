@@ -162,8 +162,10 @@ def _in_motion(
     a, i, j, b = edges
     rises = np.stack([force[i] - force[a], force[b] - force[j]])
     ways = np.stack([strain[i] - strain[a], strain[b] - strain[j]])
-    speeds = ways / np.stack([time[i] - time[a], time[b] - time[j]])
+    took = np.stack([time[i] - time[a], time[b] - time[j]])
+    speeds = ways / np.where(took > 0, took, np.inf)  # time stamps may repeat
     clear = (rises.min(axis=0) > QUIET * level) & (ways.min(axis=0) > 0)
+    clear &= took.min(axis=0) > 0
     clear &= speeds.max(axis=0) < STEADY * speeds.min(axis=0)
     if not clear.any():
         return np.zeros(len(i))

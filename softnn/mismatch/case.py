@@ -19,6 +19,8 @@ KEYS = ("model", "history", "specimen")
 HISTORIES = ("fresh", "continued")
 LARGEST_STRAIN = 15.0  # 1500 %: beyond what any elastomer here stands
 LARGEST_STRESS_MPa = 2000.0
+SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of what any gel or machine shows
+LONGEST_S = 1e11  # three thousand years
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,43 @@ def check_sizes(recording: Recording, file: Path | None = None) -> None:
             row=int(np.nanargmax(np.abs(recording.stress_MPa))) + 2,
             column="stress_MPa",
         )
+    span = float(recording.time_s[-1] - recording.time_s[0])
+    if not SMALLEST < span < LONGEST_S:
+        raise InputError(
+            f"time goes on by {span:.4g} s in all; is it in s? Each recording needs a "
+            "clock that runs",
+            file=file,
+            column="time_s",
+        )
+    if 0 < strain < SMALLEST:
+        raise InputError(
+            f"strain reaches {strain:.4g} at most; it must be a plain number, "
+            "elongation over length",
+            file=file,
+            column="strain",
+        )
+
+
+def check_case(case: Case) -> None:
+    """Refuse recordings that cannot be diagnosed, whoever made them."""
+    names = [r.name for r in case.recordings]
+    if not names:
+        raise InputError(f"{case.name}: no recordings; at least one is needed")
+    for i, recording in enumerate(case.recordings):
+        if recording.name in names[:i]:
+            raise InputError(
+                f"two recordings are called {recording.name!r}; give each its own name"
+            )
+        try:
+            check_sizes(recording)
+        except InputError as error:
+            raise InputError(f"{recording.name}: {error}") from None
+    stress = max(float(np.nanmax(np.abs(r.stress_MPa))) for r in case.recordings)
+    if stress < SMALLEST:
+        raise InputError(
+            f"{case.name}: stress reaches {stress:.4g} MPa at most; is the channel "
+            "connected, and is it in MPa?"
+        )
 
 
 def _simulated(file: Path, n: int) -> Array | None:
@@ -203,11 +242,13 @@ def mask_gaps(case: Case) -> Case:
         known = np.flatnonzero(np.isfinite(recording.strain))
         time, strain = recording.time_s[known], recording.strain[known]
         step = np.diff(time)
-        if len(step) < 8:
+        moved = step > 0  # time stamps may repeat
+        if len(step) < 8 or not moved.any():
             out.append(recording)
             continue
-        rate = np.abs(np.diff(strain)) / np.maximum(step, 1e-12)
-        typical, span = np.median(step), np.ptp(strain)
+        rate = np.zeros(len(step))
+        np.divide(np.abs(np.diff(strain)), step, out=rate, where=moved)
+        typical, span = np.median(step[moved]), np.ptp(strain)
         stress = np.array(recording.stress_MPa)
         cut = False
         if last is not None and abs(strain[0] - last) > 0.01 * span:
@@ -221,8 +262,9 @@ def mask_gaps(case: Case) -> Case:
             travel = step[i] * min(float(s.max(initial=0.0)) for s in sides)
             straight = abs(strain[i + 1] - strain[i])
             if travel > 0.05 * span and abs(travel - straight) > 0.05 * span:
-                after = recording.time_s > time[i]
-                stress[after & (recording.time_s < time[i + 1] + 8 * step[i])] = np.nan
+                edges = time[i], time[i + 1] + 8 * step[i]
+                first = np.searchsorted(recording.time_s, edges[0], "right")
+                stress[first : np.searchsorted(recording.time_s, edges[1])] = np.nan
                 cut = True
         if cut and np.isfinite(stress).sum() >= 8:
             out.append(recording.with_step("mask_gaps", stress_MPa=stress))

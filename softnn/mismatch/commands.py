@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import re
@@ -17,6 +18,9 @@ import numpy as np
 from softnn.contracts import Chunk, InputError
 from softnn.models.units import BASES
 from softnn.workers import workers
+
+
+DONE = ".done"  # in the folder of a diagnosis, once all of it is written
 
 
 def add_diagnose(commands: Any) -> None:
@@ -36,6 +40,12 @@ def add_diagnose(commands: Any) -> None:
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--seed", type=int, default=0, metavar="N")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="leave cases alone that --out has a diagnosis of, from the same data, "
+        "case.toml, model and seed",
+    )
     parser.add_argument(
         "--tracking", metavar="URI", help="log each diagnosis to this MLflow address"
     )
@@ -63,6 +73,8 @@ def diagnose(arguments: argparse.Namespace) -> int:
 
     if arguments.jobs < 1:
         raise InputError(f"--jobs is {arguments.jobs}; at least 1 is needed")
+    if arguments.seed < 0:
+        raise InputError(f"--seed is {arguments.seed}; allowed is 0 and above")
     if arguments.model is not None:
         _model(arguments.model)  # refuse it once, before any case
     out = Path(arguments.out)
@@ -73,8 +85,10 @@ def diagnose(arguments: argparse.Namespace) -> int:
             raise InputError(
                 f"two cases are called {name!r}; give each a folder of its own name"
             )
+    for name in names:
+        writable(out / name)  # before hours of work
     jobs = [
-        (str(f), str(out / n), arguments.model, arguments.seed)
+        (str(f), str(out / n), arguments.model, arguments.seed, arguments.resume)
         for f, n in zip(folders, names, strict=True)
     ]
     most = min(arguments.jobs, len(jobs))
@@ -110,7 +124,7 @@ def _each(jobs: Sequence[tuple], most: int) -> Any:
 
 
 def diagnose_one(
-    folder: str, out: str, model: str | None, seed: int
+    folder: str, out: str, model: str | None, seed: int, resume: bool = False
 ) -> tuple[str, bool]:
     """Diagnose one case, write its files; the sentence to print, and whether well."""
     from softnn.mismatch import diagnose as diagnose_case
@@ -118,11 +132,46 @@ def diagnose_one(
 
     try:
         case = read_case(folder)
+        asked, mark = _asked(case, model, seed), Path(out) / DONE
+        if resume and mark.is_file() and mark.read_text() == asked:
+            told = json.loads((Path(out) / "diagnosis.json").read_text("utf-8"))
+            return f"done before: {told['summary']}", True
+        mark.unlink(missing_ok=True)
         found = diagnose_case(case, None if model is None else _model(model), seed)
     except InputError as error:
         return str(error), False
     found.save(out)
+    mark.write_text(asked)
     return found.summary, True
+
+
+def _asked(case: Any, model: str | None, seed: int) -> str:
+    """SHA-256 (hex) of all that a diagnosis depends on."""
+    from softnn import __version__
+    from softnn.recording import data_hash
+
+    digest = hashlib.sha256(data_hash(case.recordings).encode())
+    for values in case.simulated_MPa or ():
+        digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    about = case.model, case.history, sorted(case.specimen.items()), model, seed
+    digest.update(repr((*about, __version__)).encode())
+    if model is not None and Path(model).is_file():
+        digest.update(Path(model).read_bytes())
+    return digest.hexdigest()
+
+
+def writable(folder: Path) -> None:
+    """Make a folder to write into. Raises `InputError` where that cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        trial = folder / f".{os.getpid()}"
+        trial.touch()
+        trial.unlink()
+    except OSError as error:
+        raise InputError(
+            f"cannot be written to ({error.strerror}); choose another --out",
+            file=folder,
+        ) from None
 
 
 def _model(name: str) -> Any:
@@ -177,6 +226,8 @@ def simulate(arguments: argparse.Namespace) -> int:
     for i, stem in enumerate(stems):
         if stem in stems[:i]:
             raise InputError(f"two recordings are called {stem!r}; rename one")
+    out = Path(arguments.out)
+    writable(out)
     chunks, given, measured = [], [], []
     for file in files:
         frame = _history(file)
@@ -194,8 +245,6 @@ def simulate(arguments: argparse.Namespace) -> int:
         )
         measured.append(frame.get("stress_MPa"))
     stress = model.stress(stems, chunks, given)
-    out = Path(arguments.out)
-    out.mkdir(parents=True, exist_ok=True)
     for file, chunk, s, m in zip(files, chunks, stress, measured, strict=True):
         table = {"time_s": chunk.time_s, "strain": chunk.strain, "simulated_MPa": s}
         if m is not None:

@@ -18,6 +18,7 @@ from softnn.mismatch.accounts import Search, search
 from softnn.mismatch.base import Baseline, baseline, beyond, given, weigh_by
 from softnn.mismatch.case import (
     Case,
+    check_case,
     check_model,
     mask_failure,
     mask_gaps,
@@ -133,6 +134,9 @@ def _diagnose(
     case: Case, model: str | Stored | StoredNetwork | None, seed: int
 ) -> Diagnosis:
     clock = time.perf_counter()
+    check_case(case)
+    if seed < 0:
+        raise InputError(f"seed is {seed}; allowed is a whole number from 0")
     rng = np.random.default_rng(seed)
     chosen = model if model is not None else case.model
     source = None

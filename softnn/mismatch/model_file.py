@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softnn.contracts import Array, Chunk, InputError
+from softnn.contracts import Array, Chunk, Effect, InputError
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
-from softnn.models.units import Units
+from softnn.mismatch.case import HISTORIES, Case, to_data
+from softnn.models.units import BASES, Units
+from softnn.recording import Recording
 from softnn.simulate import Term, simulate
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
 VERSION = 1
 KIND, NETWORK = "softnn-model", "softnn-network"
+LARGEST = 1e30  # of any number in a file: what is far beyond it is junk
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,17 @@ class Stored:
     learned: dict[str, Any] | None = None
     simulation: Stored | StoredNetwork | None = None
     source: dict[str, Any] | None = None  # as the file holds it
+
+    def simulate(
+        self, recording: Recording, simulated_MPa: Array | None = None
+    ) -> Array:
+        """Stress (n,) over the strain of a recording, MPa; its own stress is not used.
+
+        What the model knows of single recordings it finds by name. `simulated_MPa`
+        (n,) is needed by a model that corrects a simulation from elsewhere.
+        """
+        (chunk,) = to_data(Case("", (recording,))).chunks
+        return self.stress([recording.name], [chunk], [simulated_MPa])[0]
 
     def stress(
         self,
@@ -138,12 +152,25 @@ def read_model(path: str | Path) -> Stored | StoredNetwork:
     """
     path = Path(path)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
     except FileNotFoundError:
         raise InputError("no such file", file=path) from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except RecursionError:
+        raise InputError("not a JSON file: nested too deep", file=path) from None
+    except (OSError, ValueError) as error:
         raise InputError(f"not a JSON file: {error}", file=path) from None
     return from_dict(data, path)
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _number(value: Any) -> float:
+    x = float(value)
+    if not abs(x) < LARGEST:
+        raise InputError(f"{x} is out of range; numbers are finite, below {LARGEST}")
+    return x
 
 
 def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
@@ -165,10 +192,12 @@ def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
         base = data["base"]
         units = Units(
             str(base["name"]),
-            tuple(float(k) for k in base["knots"]),
-            tuple(float(t) for t in base["relaxation_times_s"]),
+            tuple(_number(k) for k in base["knots"]),
+            tuple(_number(t) for t in base["relaxation_times_s"]),
         )
-        stiffness = np.array(base["stiffness_MPa"], float)
+        if units.name not in BASES:
+            raise InputError(f"no base {units.name!r}; allowed: {', '.join(BASES)}")
+        stiffness = np.array([_number(k) for k in base["stiffness_MPa"]])
         pieces, own = [], []
         for entry in data["effects"]:
             law = effect(entry["effect"], entry["form"])
@@ -177,19 +206,17 @@ def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
             values = usual | {k: float(v) for k, v in entry["values"].items()}
             law.prepare(values)
             pieces.append(Piece(law, values, ()))
-            own.append(
-                {
-                    k: {n: float(x) for n, x in v.items()}
-                    for k, v in entry.get("own", {}).items()
-                }
-            )
+            own.append(_own(law, entry.get("own", {})))
         history = str(data["history"])
+        if history not in HISTORIES:
+            raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
+        _check_learned(data.get("learned"))
         needs = bool(base.get("corrects_simulated_MPa", False))
         inner = data.get("simulation")
         simulation = None if inner is None else from_dict(inner)
     except InputError as error:
         raise InputError(str(error), file=path) from None
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"cannot be read as a model: {error!r}", file=path) from None
     if stiffness.shape != (units.columns,) or not (stiffness >= 0).all():
         raise InputError(
@@ -206,3 +233,33 @@ def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
         simulation,
         data,
     )
+
+
+def _own(law: Effect, given: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Values of single recordings, by parameter and name of the recording."""
+    declared = {p.name: p for p in law.parameters}
+    out: dict[str, dict[str, float]] = {}
+    for name, values in given.items():
+        if name not in law.per_recording:
+            raise InputError(f"{law.id} has no values of single recordings of {name!r}")
+        out[name] = {recording: float(x) for recording, x in values.items()}
+        declared[name].check(list(out[name].values()))
+    return out
+
+
+def _check_learned(given: Any) -> None:
+    if given is None:
+        return
+    from softnn.mismatch.learn import FEATURES
+    from softnn.neural import Network
+
+    known = (*FEATURES, "temperature_C")
+    names = given["features"]
+    if not isinstance(names, list) or not set(names) <= set(known):
+        raise InputError(f"learned: features are {names!r}; allowed: {list(known)}")
+    network = Network.from_dict(given["network"])
+    if len(network.inputs.low) != len(names):
+        raise InputError(
+            f"learned: a network of {len(network.inputs.low)} inputs, and {len(names)} "
+            "features"
+        )

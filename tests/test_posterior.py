@@ -1,0 +1,186 @@
+"""Weights, names and readings of a posterior, by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from softnn.effects import effect
+from softnn.fit import Piece
+from softnn.mismatch.accounts import Account
+from softnn.mismatch.evidence import Evidence
+from softnn.mismatch.posterior import (
+    Constants,
+    Hypothesis,
+    Posterior,
+    features,
+    posterior,
+    table,
+    weights,
+)
+
+N = 400
+HAND = Constants(
+    power=0.5, coarse=40.0, first=1.0, more=2.0, several=0.25, other=3.0, both=4.0
+)
+
+
+def account(*names, alone=0.0, beside=0.0, numbers=0, own=False):
+    """An account as the posterior sees it; `own`: of values of several recordings."""
+    groups = ((0,), (1,)) if own else ()
+    pieces = [Piece(effect(n), {}, (), groups) for n in names]
+    pieces.append(Piece(effect("gain_error"), {}, (), ((0,), (1,)), nuisance=True))
+    guess = SimpleNamespace(pieces=tuple(pieces))
+    known = Evidence(alone, beside, 0.0, 0.0, 0.0, 0.0, numbers)
+    return Account(SimpleNamespace(guess=guess, residual=np.zeros(N)), known)
+
+
+def test_features_are_counted():
+    both = account("slack", "inertia", alone=50.0, beside=70.0, numbers=3, own=True)
+    price = 1.5 * np.log(N)
+    row = features(Hypothesis(both, False))
+    assert row == pytest.approx([50 - price, 1, 1, 2, 0, 0])
+    row = features(Hypothesis(both, True))
+    assert row == pytest.approx([70 - price, 1, 1, 2, 1, 1])
+    # The scatter between specimens is no effect.
+    row = features(Hypothesis(account(beside=5.0), True))
+    assert row == pytest.approx([5, 0, 0, 0, 1, 0])
+
+
+def test_weights_of_a_small_table():
+    rows = np.array(
+        [
+            [100.0, 0, 0, 0, 0, 0],  # nothing
+            [120.0, 0, 0, 0, 1, 0],  # something on no list
+            [180.0, 1, 0, 1, 0, 0],  # an effect, with values in several recordings
+            [170.0, 1, 1, 0, 1, 1],  # two, and something else
+        ]
+    )
+    # The best gains 80, so T = 1 + 80 / 40 = 3 and each nat counts 0.5 / 3.
+    expected = [
+        0.0,
+        0.5 / 3 * 20 - 3,
+        0.5 / 3 * 80 - 1 - 0.25,
+        0.5 / 3 * 70 - 1 - 2 - 3 - 4,
+    ]
+    np.testing.assert_allclose(weights(rows, HAND), expected, atol=1e-12)
+
+
+def test_what_is_gained_without_end_says_no_more_than_a_limit():
+    def told(gain, coarse):
+        rows = np.zeros((2, 6))
+        rows[1] = [gain, 1, 0, 0, 0, 0]
+        fixed = Constants(0.5, coarse, 1.0, 2.0, 0.25, 3.0, 4.0)
+        return weights(rows, fixed)[1]
+
+    assert told(1e12, 40.0) == pytest.approx(0.5 * 40 - 1, rel=1e-6)
+    # Without coarsening the likelihood says all it has to say.
+    assert told(80.0, 1e12) == pytest.approx(0.5 * 80 - 1, rel=1e-6)
+    # And what gains nothing costs what it costs.
+    assert told(0.0, 40.0) == told(0.0, 1e12) == -1.0
+
+
+def test_probabilities_are_those_of_the_weights_and_sum_to_one():
+    tried = [
+        account(alone=100.0, beside=110.0),
+        account("slack", alone=140.0, beside=141.0, numbers=1),
+        account("inertia", alone=130.0, beside=140.0, numbers=1),
+    ]
+    found = posterior(tried, HAND)
+    assert len(found.hypotheses) == 6
+    assert found.probability.sum() == pytest.approx(1.0)
+    w = weights(np.array([features(h) for h in found.hypotheses]), HAND)
+    np.testing.assert_allclose(
+        found.probability, np.exp(w) / np.exp(w).sum(), rtol=1e-12
+    )
+    assert found.nothing == found.probability[0]
+    each = zip(found.hypotheses, found.probability, strict=True)
+    by = {(h.effects, h.other): p for h, p in each}
+    slack, inertia = frozenset(["slack"]), frozenset(["inertia"])
+    assert found.effects == pytest.approx(
+        {
+            "slack": by[slack, False] + by[slack, True],
+            "inertia": by[inertia, False] + by[inertia, True],
+        }
+    )
+    assert list(found.effects) == ["slack", "inertia"]
+    assert found.nothing_named == pytest.approx(by[frozenset(), True])
+    assert found.other == pytest.approx(sum(p for (_, o), p in by.items() if o))
+
+
+def test_all_alike_are_alike_and_evidence_beyond_floats_is_no_trouble():
+    same = [account(alone=1.0, beside=1.0), account("slack", alone=1.0, beside=1.0)]
+    free = Constants(0.5, 40.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    np.testing.assert_allclose(posterior(same, free).probability, 0.25)
+    far = [account(), account("slack", alone=1e8, beside=1e8)]
+    sharp = Constants(0.5, 1e15, 1.0, 0.0, 0.0, 3.0, 4.0)
+    assert np.isfinite(posterior(far, sharp).probability).all()
+    assert posterior(far, sharp).effects["slack"] == pytest.approx(1.0)
+
+
+def test_of_one_set_the_best_form_counts():
+    tried = [account(), account("slack", alone=5.0), account("slack", alone=9.0)]
+    rows = {(h.effects, h.other): h for h, _ in table(tried)}
+    assert rows[frozenset(["slack"]), False].account is tried[2]
+    assert len(rows) == 4
+
+
+def made(*readings):
+    """A posterior of these (names, other, probability); the first is of nothing."""
+    them = [Hypothesis(account(*names), other) for names, other, _ in readings]
+    return Posterior(tuple(them), np.array([p for *_, p in readings]))
+
+
+def test_names_are_what_is_likelier_than_not_and_stand_on_their_own_account():
+    found = made(
+        ((), False, 0.05),
+        (("slack",), False, 0.3),
+        (("slack", "inertia"), False, 0.35),
+        (("slack", "sensor_lag"), False, 0.2),
+        (("inertia",), False, 0.1),
+    )
+    assert found.effects == pytest.approx(
+        {"slack": 0.85, "inertia": 0.45, "sensor_lag": 0.2}
+    )
+    assert found.selected == {"slack"}
+    assert found.best.effects == {"slack"}  # though another is likelier by itself
+    assert found.ways()[0] == (frozenset(["slack", "inertia"]), pytest.approx(0.35))
+
+
+def test_ways_are_what_comes_near_the_likeliest_alone_or_with_something_else():
+    found = made(
+        ((), False, 0.02),
+        (("slack",), False, 0.4),
+        (("slack",), True, 0.2),
+        (("zero_offset",), False, 0.35),
+        (("inertia",), False, 0.03),
+    )
+    assert [s for s, _ in found.ways()] == [{"slack"}, {"zero_offset"}]
+    assert [p for _, p in found.ways()] == pytest.approx([0.6, 0.35])
+    assert found.instead("slack") == ["zero_offset"]
+
+
+def test_what_stands_in_the_place_of_one_of_two():
+    found = made(
+        ((), False, 0.0),
+        (("slack", "inertia"), False, 0.5),
+        (("slack", "sensor_lag"), False, 0.3),
+        (("grip_slip", "inertia"), False, 0.2),
+    )
+    assert found.selected == {"slack", "inertia"}
+    assert found.instead("inertia") == ["sensor_lag"]
+    assert found.instead("slack") == ["grip_slip"]
+
+
+def test_where_no_account_is_of_the_selected_the_nearest_is_the_best():
+    found = made(
+        ((), False, 0.0),
+        (("slack", "inertia"), False, 0.3),
+        (("slack", "sensor_lag"), False, 0.3),
+        (("slack", "grip_slip", "inertia"), False, 0.4),
+    )
+    assert found.selected == {"slack", "inertia"}
+    assert found.best.effects == {"slack", "inertia"}
+    none = made(((), False, 0.4), (("slack",), False, 0.3), (("inertia",), False, 0.3))
+    assert none.selected == frozenset()
+    assert none.best.effects == frozenset()
