@@ -24,7 +24,7 @@ from tqdm import tqdm
 from softnn.mismatch import read_case
 from softnn.mismatch.accounts import search
 from softnn.mismatch.diagnosis import start
-from softnn.mismatch.posterior import CONSTANTS, Constants, table, weights
+from softnn.mismatch.posterior import CONSTANTS, Constants, probabilities, table
 from softnn.workers import workers
 from studies.common import RUNS, guarded, parser, write_result
 
@@ -75,11 +75,10 @@ def lessons(folder: Path, jobs: int) -> list[dict[str, Any]]:
 
 def log_probability(one: dict[str, Any], constants: Constants) -> float:
     """Of the truth of a lesson; -inf where the search did not come to it."""
-    w = weights(np.array(one["features"]), constants)
     true = np.array(one["true"])
-    top = w.max()
-    total = top + np.log(np.exp(w - top).sum())
-    return float(w[true][0] - total) if true.any() else -np.inf
+    if not true.any():
+        return -np.inf
+    return float(np.log(probabilities(np.array(one["features"]), constants)[true][0]))
 
 
 def fitted(known: Sequence[dict[str, Any]], before: Constants) -> Constants:
@@ -89,14 +88,10 @@ def fitted(known: Sequence[dict[str, Any]], before: Constants) -> Constants:
     def loss(z: np.ndarray) -> float:
         at = Constants(*np.exp(z))
         values = [log_probability(k, at) for k in known if any(k["true"])]
-        return -float(
-            np.mean(np.logaddexp(values, LEAST)) - PULL * np.sum((z - start_) ** 2)
-        )
+        pull = PULL * np.sum((z - start_) ** 2)
+        return float(pull - np.mean(np.logaddexp(values, LEAST)))
 
-    starts = [start_, start_ + np.eye(len(start_))[1] * 1.5, start_ * 0.8]
-    best = min(
-        (minimize(loss, s, method="L-BFGS-B") for s in starts), key=lambda r: r.fun
-    )
+    best = minimize(loss, start_, method="L-BFGS-B")
     return Constants(*(float(x) for x in np.exp(best.x)))
 
 

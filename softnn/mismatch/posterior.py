@@ -1,16 +1,18 @@
 r"""One posterior over all that was tried: which effects, if any, and what else.
 
 A hypothesis is a set of effects, alone or beside something that is on no list; the
-empty set alone is *nothing is missing*. Its weight is
+empty set alone is *nothing is missing*. Its value is its log evidence less `number`
+log n / 2 for each number of its own. Every law is only nearly right; how far a value
+may be trusted is not known, so two views are mixed:
 
-.. math:: \log w = \frac{c}{T} \left(\log p(y \mid S) - \tfrac{k}{2} \log n\right)
-          + \log \pi(S), \quad T = 1 + G / G_0
+.. math:: P(S) \propto (1 - m)\, e^{c\,v(S) - \pi(S)}
+          + m\, e^{c\,v(S) / T - \pi(S)}, \quad T = 1 + G / G_0
 
-with k numbers of its own. T coarsens: every law is only nearly right, by an error in
-proportion to what it explains, so a likelihood says less the more there is to explain
-(Miller and Dunson 2019, doi:10.1080/01621459.2018.1469995); G is what the best
-hypothesis gains. The constants are fitted by maximum likelihood to development cases
-(`studies.calibrate`). Names, verdict and equivalents are all read off these weights.
+each normalised. In the second a likelihood says less the more there is to explain (G is
+what the best gains), as it does where laws err in proportion to what they explain
+(Miller and Dunson 2019, doi:10.1080/01621459.2018.1469995). The constants are fitted by
+maximum likelihood to development cases (`studies.calibrate`). Names, verdict and
+equivalents are all read off these probabilities.
 """
 
 from __future__ import annotations
@@ -32,13 +34,15 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    power: float = 0.4  # c
-    coarse: float = 100.0  # G_0, nats
-    first: float = 4.0  # cost of any effect, nats
-    more: float = 3.0  # of each further one
-    several: float = 0.5  # of values of its own in several recordings
-    other: float = 2.0  # of something on no list
-    both: float = 3.0  # of that beside effects
+    power: float = 0.474  # c
+    number: float = 0.542  # of (log n) / 2, the price of a number
+    doubt: float = 0.406  # m, the share of the coarse view
+    coarse: float = 17.0  # G_0, nats
+    first: float = 2.62  # cost of any effect, nats
+    more: float = 4.05  # of each further one
+    several: float = 1.43  # of values of its own in several recordings
+    other: float = 1.17  # of something on no list
+    both: float = 5.91  # of that beside effects
 
 
 CONSTANTS = Constants()
@@ -62,14 +66,14 @@ class Hypothesis:
 
 
 def features(hypothesis: Hypothesis) -> Array:
-    """What the constants weigh: evidence less the price of numbers, and counts."""
+    """What the constants weigh (7,): evidence, price of the numbers, counts."""
     account, count = hypothesis.account, len(hypothesis.effects)
     n = len(account.fit.residual)
-    fitted = hypothesis.evidence - 0.5 * account.evidence.numbers * np.log(n)
     several = sum(len(p.groups) > 1 for p in account.fit.guess.pieces if not p.nuisance)
     return np.array(
         [
-            fitted,
+            hypothesis.evidence,
+            0.5 * account.evidence.numbers * np.log(n),
             float(count > 0),
             max(count - 1, 0),
             several,
@@ -80,13 +84,19 @@ def features(hypothesis: Hypothesis) -> Array:
     )
 
 
-def weights(table: Array, constants: Constants = CONSTANTS) -> Array:
-    """Log weights (hypotheses,) of `features` (hypotheses, 6), the first of nothing."""
-    gain = table[:, 0] - table[0, 0]
-    coarse = 1 + max(float(gain.max()), 0.0) / constants.coarse
-    costs = [constants.first, constants.more, constants.several]
-    costs += [constants.other, constants.both]
-    return constants.power * gain / coarse - table[:, 1:] @ np.array(costs)
+def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
+    """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
+    k = constants
+    gain = table[:, 0] - k.number * table[:, 1]
+    gain = k.power * (gain - gain[0])
+    costs = np.array([k.first, k.more, k.several, k.other, k.both])
+    coarse = 1 + max(float(gain.max()), 0.0) / (k.power * k.coarse)
+    out = np.zeros(len(table))
+    for share, view in ((1 - k.doubt, gain), (k.doubt, gain / coarse)):
+        log = view - table[:, 2:] @ costs
+        weight = np.exp(log - log.max())
+        out += share * weight / weight.sum()
+    return out
 
 
 @dataclass(frozen=True)
@@ -160,7 +170,7 @@ def table(accounts: Sequence[Account]) -> list[tuple[Hypothesis, Array]]:
             one = Hypothesis(account, other)
             row = features(one)
             key = one.effects, other
-            if key not in best or row[0] > best[key][1][0]:
+            if key not in best or row[0] - row[1] > best[key][1][0] - best[key][1][1]:
                 best[key] = one, row
     return list(best.values())
 
@@ -170,6 +180,5 @@ def posterior(
 ) -> Posterior:
     """The posterior over the accounts tried, the first of them the base alone."""
     rows = table(accounts)
-    w = weights(np.array([row for _, row in rows]), constants)
-    p = np.exp(w - w.max())
-    return Posterior(tuple(h for h, _ in rows), p / p.sum())
+    p = probabilities(np.array([row for _, row in rows]), constants)
+    return Posterior(tuple(h for h, _ in rows), p)
