@@ -21,6 +21,7 @@ from softnn.noise import Noise
 
 EXPANDED = (3, 1, 1)  # accounts of one, two, three effects that are given one more
 PRICE = 5.0  # of an effect, in log evidence, while searching
+ALIKE = 8.0  # of log evidence, by which a form of an effect is as good as another
 FAR = 60.0  # of log evidence, by which an account of several effects is out of it
 TOLD = 0.02  # of log density a sample, by which a noise is another
 NEAR = 10.0  # of log evidence, by which specimens may be behind and yet be tried
@@ -64,7 +65,7 @@ def search(base: Baseline) -> Search:
     pool = candidates(engine, base.name, base.fixed)
     base.fit, first = _first(base, pool)
     weigher = Weigher(engine, base.fit)
-    found = [Account(base.fit, weigher.weigh(base.fit))]
+    found = [Account(base.fit, weigher.weigh(base.fit, whole=False))]
     found += _weighed(weigher, first)
     found += _as_specimens(base, weigher, found)
     for size, count in enumerate(EXPANDED, start=1):
@@ -100,13 +101,13 @@ def _as_specimens(
     def apart(account: Account) -> Account:
         clock = time.perf_counter()
         new = refine(base.engine, account.fit, piece, REFITTED)
-        evidence = weigher.weigh(new)
+        evidence = weigher.weigh(new, whole=False)
         return Account(new, evidence, account.seconds + time.perf_counter() - clock)
 
     trials = [apart(rest[0]), apart(max(rest, key=value))]
     if max(map(value, trials)) < max(map(value, found)) - NEAR:
         return []
-    return [apart(a) for a in rest]
+    return trials[:1] + [apart(a) for a in _worth(rest) if a.effects]
 
 
 def _settled(
@@ -128,9 +129,10 @@ def _settled(
     if not long:
         weigh_by(engine, noise)
     rest = [_again(base, weigher, a) for a in ranked[TRIED:]]
-    known = {id(a): new for a, new in zip(ranked, [*few, *rest], strict=True)}
-    order = [found[0], *(a for a in ranked if a is not found[0])]
-    return noise, [known[id(a)] for a in order]
+    accounts = [*few, *rest]
+    # The base alone goes first; of its two, with and without scatter, the better.
+    bare = next(i for i, a in enumerate(ranked) if not a.effects)
+    return noise, [accounts[bare], *accounts[:bare], *accounts[bare + 1 :]]
 
 
 def _again(base: Baseline, weigher: Weigher, account: Account) -> Account:
@@ -143,9 +145,17 @@ def _again(base: Baseline, weigher: Weigher, account: Account) -> Account:
 
 
 def _worth(found: Sequence[Account]) -> list[Account]:
-    """The base first, all accounts of one effect, and others not far from the best."""
+    """The best forms of each set of effects, and no several far from the best."""
     top = max(map(value, found))
-    return [a for a in found if len(a.effects) < 2 or value(a) > top - FAR]
+    best: dict[frozenset[str], float] = {}
+    for account in found:
+        best[account.effects] = max(value(account), best.get(account.effects, -np.inf))
+    return [
+        a
+        for a in found
+        if value(a) > best[a.effects] - ALIKE
+        and (len(a.effects) < 2 or value(a) > top - FAR)
+    ]
 
 
 def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
@@ -174,6 +184,6 @@ def _weighed(weigher: Weigher, fits: Iterable[Fit]) -> list[Account]:
     out = []
     for one in fits:
         clock = time.perf_counter()
-        evidence = weigher.weigh(one)
+        evidence = weigher.weigh(one, whole=False)
         out.append(Account(one, evidence, time.perf_counter() - clock))
     return out

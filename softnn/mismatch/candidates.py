@@ -23,7 +23,7 @@ from softnn.mismatch.verify import intervals
 
 ENTRY = 8.0  # of chi2, below which nothing, and no recording, is worth a refit
 BESIDE = 0.02  # of the largest gain: an effect that promises less waits for it
-FIRST, LATER = 10, 5  # effects refitted on top of a base, and of an account
+FIRST, LATER = 10, 4  # effects refitted on top of a base, and of an account
 FORMS = (3, 1)  # of an effect, that are followed on a base and on an account
 WARM = 0.5  # degC, by which the temperature must change to do anything
 OFF = 3.5  # standard errors, within which an effect of a recording is off

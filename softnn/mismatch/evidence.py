@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, get, span
@@ -75,8 +75,11 @@ class Weigher:
         self.unseen = unwritten(engine, base)
         self._white: tuple[int, Array, Array] | None = None
 
-    def weigh(self, found: Fit) -> Evidence:
-        """The evidence of a fit under the noise that the engine weighs by."""
+    def weigh(self, found: Fit, whole: bool = True) -> Evidence:
+        """The evidence of a fit under the noise that the engine weighs by.
+
+        If not `whole`, nothing is worked out of what is beside something else.
+        """
         engine = self.engine
         if self._white is None or self._white[0] != engine.noises:
             both = np.concatenate([self.shared, self.stiffer, self.own], axis=1)
@@ -123,7 +126,9 @@ class Weigher:
             if (k or bent) and (apart.shape[1] or k < len(GRIDS) - 1)
         ]
         place, alone = climb(lambda s: value(s, False), nothing, moved)
-        at, beside = climb(lambda s: value(s, True), place, moved)
+        at, beside = place, alone
+        if whole:
+            at, beside = climb(lambda s: value(s, True), place, moved)
         law = [0] * (len(GRIDS) - 1) + place[-1:]
         return Evidence(
             value([g[i] for g, i in zip(GRIDS, law, strict=True)], False),
@@ -171,15 +176,16 @@ def climb(
 
     place = list(start)
     while True:
-        best = place
+        before = list(place)
         for k in moved:
-            for i in (place[k] - 1, place[k] + 1, place[k] + 2):
-                if 0 <= i < len(GRIDS[k]):
-                    trial = [*place[:k], i, *place[k + 1 :]]
-                    best = max(best, trial, key=at)
-        if best == place:
+            for step in (1, -1):
+                while 0 <= place[k] + step < len(GRIDS[k]):
+                    trial = [*place[:k], place[k] + step, *place[k + 1 :]]
+                    if at(trial) <= at(place):
+                        break
+                    place = trial
+        if place == before:
             return place, at(place)
-        place = best
 
 
 def gained(gram: Array, right: Array, scale: Array) -> float:
@@ -198,8 +204,10 @@ def gained(gram: Array, right: Array, scale: Array) -> float:
     inner = gram[np.ix_(live, live)] * np.outer(s, s)
     # Products of columns that are nearly one are known to rounding alone.
     inner[np.diag_indices_from(inner)] += 1 + ROUNDING * np.diag(inner).max()
-    low = np.linalg.cholesky(inner)
-    z = solve_triangular(low, right[live] * s, lower=True, check_finite=False)
+    low, failed = dpotrf(inner, lower=1, overwrite_a=1)
+    if failed:
+        raise np.linalg.LinAlgError("columns of a discrepancy are no numbers")
+    z, _ = dtrtrs(low, right[live] * s, lower=1)
     return float(0.5 * (z @ z) - np.log(np.diag(low)).sum())
 
 
