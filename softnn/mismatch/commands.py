@@ -19,7 +19,6 @@ from softnn.contracts import Chunk, InputError
 from softnn.models.units import BASES
 from softnn.workers import workers
 
-
 DONE = ".done"  # in the folder of a diagnosis, once all of it is written
 
 
