@@ -34,6 +34,13 @@ def test_phases_of_a_triangle_with_a_hold():
     assert phases(chunk).cycle.max() == 2
 
 
+def test_phases_do_not_depend_on_how_fine_the_clock_is():
+    chunk = straight([0, 0.5, 0.1, 0.6, 0.6, 0], 0.1, 0.05)
+    coarse = Chunk(np.floor(chunk.time_s / 0.1) * 0.1, chunk.strain)
+    apart = phases(chunk).branch != phases(coarse).branch
+    assert apart.mean() < 0.02
+
+
 def test_runs():
     mask = np.array([1, 1, 0, 1, 1, 1], bool)
     label = np.array([0, 0, 0, 1, 1, 2])
