@@ -1,8 +1,8 @@
 """Mismatch: locate it, explain it, model it, verify it.
 
-`diagnose(read_case(folder))` is all of it. Steps: the base is fitted (`base`), sets of
-effects are sought (`accounts`, `candidates`) and weighed (`evidence`, `posterior`), what
-none explains is learned (`learn`), regions are told (`locate`), and all of it is held
+`diagnose(read_case(folder))` is all of it. Steps: the base is fitted (`base`), sets
+of effects are sought (`accounts`) and weighed (`evidence`, `posterior`), what none of
+them explains is learned (`learn`), regions are told (`locate`), and all of it is held
 against recordings left out (`verify`).
 """
 
