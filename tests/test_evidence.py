@@ -85,9 +85,9 @@ def test_evidence_of_an_account_is_the_density_of_its_residual(monkeypatch):
     base = fit(made, Guess(HOOKE, np.array([2.0])), fixed_base=True)
     found = fit(made, offset(made), fixed_base=True)  # nothing free: none projected
     weigher = Weigher(made, base)
-    tau, a, b, c, apart = scales = (0.2, 0.01, 0.02, 0.005, 0.03)
+    assert weigher.unseen.shape == (2 * N, 0)  # there is no gap
+    tau, a, b, c, _ = scales = (0.2, 0.01, 0.02, 0.005, 0.0)
     monkeypatch.setattr(evidence, "GRIDS", tuple((s,) for s in scales))
-    monkeypatch.setattr(evidence, "SCATTER", (apart,))
     dense = covariance(made)
     (change,) = changes(made, found)
     for size, columns in (
@@ -95,17 +95,55 @@ def test_evidence_of_an_account_is_the_density_of_its_residual(monkeypatch):
         (a, weigher.shared),
         (b, weigher.stiffer),
         (c, weigher.own),
-        (apart, weigher.scatter),
     ):
         dense = dense + size**2 * columns @ columns.T
     residual = made.target - found.stress
     expected = multivariate_normal.logpdf(residual, cov=dense)
     expected -= 0.5 * (tau / evidence.FORM_PRIOR) ** 2
-    expected -= 0.5 * (apart / evidence.SCATTER_PRIOR) ** 2 + evidence.UNSAID
     told = weigher.weigh(found)
-    assert told.beside == pytest.approx(expected, rel=1e-7)
+    assert told.beside == pytest.approx(expected, rel=1e-6)
     slight = 0.5 * (a**2 + b**2 + c**2) / evidence.ELSE_PRIOR**2
     assert told.alone == pytest.approx(told.beside - slight, rel=1e-9)
+
+
+def test_specimens_nobody_named_differ_each_from_a_mean_of_all(monkeypatch):
+    made = engine()
+    law = effect("gain_error")
+    off = {k: np.full(2, v) for k, v in law.off.items()}
+    piece = Piece(law, off, tuple(off), ((1,),), nuisance=True, unsaid=True)
+    guess = Guess(HOOKE, np.array([2.0]), (piece,))
+    found = fit(made, guess, fixed_base=True)
+    assert abs(found.guess.pieces[0].values["error"][1]) > 1e-5
+    apart = 0.03
+    grids = ((0.0,),) * 4 + ((apart,) * 3,)
+    monkeypatch.setattr(evidence, "GRIDS", grids)
+    told = Weigher(made, found).weigh(found)
+    # The second over the first, both of them off the mean: twice the variance.
+    plain = 2 * np.concatenate([c.strain for c in made.chunks])
+    column = plain * (made.owner == 1)
+    dense = covariance(made) + 2 * apart**2 * np.outer(column, column)
+    expected = multivariate_normal.logpdf(made.target - plain, cov=dense)
+    expected -= 0.5 * (apart / evidence.SCATTER_PRIOR) ** 2 + evidence.UNSAID
+    assert told.alone == pytest.approx(expected, rel=1e-5)
+    assert told.numbers == 0  # no news
+
+
+def test_what_a_gap_leaves_is_projected_out():
+    """A memory that fades at a pace of the base after a gap counts for nothing."""
+    made = engine()
+    late = made.chunks[1].time_s + 40.0 * (np.arange(N) >= 30)
+    chunks = (made.chunks[0], Chunk(late, made.chunks[1].strain))
+    data = Data(("a", "b"), chunks, made.data.stress_MPa)
+    units = Units("wiechert", (0.0, 1.0), (0.5, 3.0))
+    forgot = np.exp(-(late - late[30]) / 3.0) * (np.arange(N) >= 30)
+    told = []
+    for size in (0.0, 0.4):
+        stress = (data.stress_MPa[0], data.stress_MPa[1] + size * forgot)
+        one = Engine(Data(("a", "b"), chunks, stress))
+        one.set_noise([np.full(N, SIGMA)] * 2, None)
+        base = fit(one, Guess(units, np.array([2.0, 0.1, 0.1])), fixed_base=True)
+        told.append(Weigher(one, base).weigh(base).bare)
+    assert told[1] == pytest.approx(told[0], rel=1e-6)
 
 
 def test_without_form_error_and_discrepancy_it_is_the_profile_likelihood(monkeypatch):
@@ -153,10 +191,10 @@ def test_climbing_ends_on_the_one_top_of_a_smooth_hill(seed):
         place = [g.index(s) for g, s in zip(evidence.GRIDS, scales, strict=True)]
         return -float(np.sum((np.array(place) - top) ** 2))
 
-    nothing = [0] * len(top)
-    assert climb(value, nothing, True) == (top, 0.0)
+    nothing, every = [0] * len(top), range(len(top))
+    assert climb(value, nothing, every) == (top, 0.0)
     # Without a form error to move, its coordinate stays where it is.
-    place, height = climb(value, nothing, False)
+    place, height = climb(value, nothing, every[1:])
     assert place == [0, *top[1:]]
     assert height == -(top[0] ** 2)
 

@@ -31,7 +31,7 @@ def account(*names, alone=0.0, beside=0.0, numbers=0, own=False):
     pieces = [Piece(effect(n), {}, (), groups) for n in names]
     pieces.append(Piece(effect("gain_error"), {}, (), ((0,), (1,)), nuisance=True))
     guess = SimpleNamespace(pieces=tuple(pieces))
-    known = Evidence(alone, beside, 0.0, 0.0, 0.0, 0.0, numbers)
+    known = Evidence(alone, alone, beside, 0.0, 0.0, 0.0, 0.0, numbers)
     return Account(SimpleNamespace(guess=guess, residual=np.zeros(N)), known)
 
 

@@ -2,7 +2,6 @@
 material that no law of softnn describes; and nothing where there is no fault."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,12 +10,7 @@ from softnn.contracts import Chunk
 from softnn.effects import EFFECTS, effect
 from softnn.effects._signs import APART, minority
 from softnn.fit import Data, Engine
-from softnn.mismatch import Case, diagnose, diagnosis, explain
-from softnn.mismatch.base import baseline
-from softnn.mismatch.contest import Rival, refine
-from softnn.mismatch.screen import shown as screened
-from softnn.mismatch.screen import start_pieces
-from softnn.recording import Recording
+from softnn.mismatch.candidates import shown as screened
 
 AMPLITUDES = (0.50, 0.40, 0.52, 0.45, 0.50, 0.48)
 SPEEDS = (0.05, 0.1, 0.05, 0.1, 0.05, 0.1)
@@ -367,113 +361,12 @@ def test_what_is_shown_becomes_a_piece_of_the_fit():
     assert screened(Engine(replace(data, continued=True)), EFFECTS) == []
 
 
-def case(change=None, odd=(), material=foam):
-    chunks, stress = recorded(change, odd, material=material)
-    return Case(
-        "foam",
-        tuple(
-            Recording(c.time_s[::8], c.strain[::8], s[::8], name=f"r{i}")
-            for i, (c, s) in enumerate(zip(chunks, stress, strict=True))
-        ),
-    )
-
-
-@pytest.mark.parametrize(
-    ("left", "share", "known"),
-    [
-        (5.0, 0.01, ["zero_offset"]),
-        (0.5, 0.01, None),
-        # A tenth of the stress is no noise, whatever it was taken for.
-        (0.5, 0.1, ["zero_offset"]),
-    ],
-)
-def test_what_is_shown_is_there_for_sure_where_much_is_left(
-    monkeypatch, left, share, known
-):
-    asked = []
-
-    def search(base, rng, known=(), first=()):
-        asked.append([r.effect for r in known])
-        return SimpleNamespace(
-            excess_after=left,
-            excess_bent=2.0,
-            selected=["slack", *asked[-1]],
-            first=[],
-            final=SimpleNamespace(stress=(1 - share) * base.engine.target),
-        )
-
-    monkeypatch.setattr(explain, "search", search)
-    chunks, stress = recorded(offset, (1, 4))
-    data = Data(tuple("abcdef"), tuple(chunks), tuple(stress))
-    found = explain.explain(baseline(data, "hooke"), np.random.default_rng(0))
-    assert asked == ([[], known] if known else [[]])
-    assert found.shown == set(known or [])
-
-
-def test_an_account_with_what_is_shown_alone():
-    chunks, stress = recorded(offset, (1, 4))
-    base = baseline(Data(tuple("abcdef"), tuple(chunks), tuple(stress)), "hooke")
-    (piece,) = screened(base.engine, EFFECTS)
-    one = refine(base.engine, base.fit, piece)
-    law = effect("mullins_softening")
-    both = refine(base.engine, one, start_pieces(base.engine, law)[0])
-    steps = [
-        explain.Step([Rival(name, fit, 0.0)], 1.0, fit)
-        for name, fit in (("zero_offset", one), (law.id, both))
+@pytest.mark.parametrize("step", [2, 5])
+def test_stamps_that_repeat_are_no_sign_and_break_nothing(step):
+    """A clock coarser than the sampling: several samples at one time."""
+    chunks, stress = recorded(noise=0.0005)
+    coarse = [
+        Chunk(np.repeat(c.time_s[::step], step)[: len(c.strain)], c.strain)
+        for c in chunks
     ]
-    n = len(base.engine.target)
-    stranger = Rival("flocs", replace(both, chi2=1.1 * n), 0.0)
-    args = (both, [], 15.0, 9.0, 1.0, 1.0, [], [stranger])
-    found = explain.Explanation(base, steps, *args, shown={"zero_offset"})
-    assert found.odds_of_strangers > 0
-    alone = explain.shown_alone(found)
-    assert alone.selected == ["zero_offset"]
-    assert [s.rivals[0].effect for s in alone.steps] == ["zero_offset"]
-    assert alone.excess_after == pytest.approx(one.chi2 / n - 1, rel=1e-3)
-    assert alone.excess_bent == alone.excess_after
-    assert alone.odds_of_strangers == 0
-
-
-@pytest.mark.parametrize(
-    ("verdict", "signs", "odds", "told"),
-    [
-        ("unexplained", {"slack"}, 0.0, ("partly_explained", ["slack"])),
-        ("unexplained", set(), 0.0, ("unexplained", [])),
-        # What is there is rather something else altogether.
-        ("unexplained", {"slack"}, 1e3, ("unexplained", [])),
-        ("explained", {"slack"}, 0.0, ("explained", ["slack", "inertia"])),
-    ],
-)
-def test_what_is_shown_is_told_though_the_rest_is_not_explained(
-    monkeypatch, verdict, signs, odds, told
-):
-    names = [] if verdict == "unexplained" else ["slack", "inertia"]
-    found = SimpleNamespace(shown=signs, odds_of_strangers=odds)
-    alone = SimpleNamespace(selected=["slack"])
-    monkeypatch.setattr(diagnosis, "_verdict", lambda *a: (verdict, names))
-    monkeypatch.setattr(diagnosis, "shown_alone", lambda found: alone)
-    told_of, *rest = diagnosis.judged(None, found)
-    assert tuple(rest) == told
-    assert (told_of is alone) == (told[0] == "partly_explained")
-
-
-@pytest.mark.slow
-def test_a_sign_alone_makes_a_whole_diagnosis(monkeypatch):
-    given = case(offset, (1,))
-    few = replace(given, recordings=given.recordings[:3])
-    monkeypatch.setattr(diagnosis, "_verdict", lambda *a: ("unexplained", []))
-    monkeypatch.setattr(diagnosis, "worse", lambda *a: False)
-    result = diagnose(few, "hooke").result
-    assert result["verdict"] == "partly_explained"
-    assert result["selected"] == ["zero_offset"]
-    assert result["explanations"][0]["probability"] < 0.5
-    assert "Part of the mismatch stays unexplained" in result["summary"]
-
-
-@pytest.mark.slow
-def test_what_is_shown_is_named_where_no_law_comes_near():
-    given = case(gap, (0, 3))
-    few = replace(given, recordings=given.recordings[:4])
-    found = diagnose(few, "hooke").result["explanations"]
-    (told,) = [e for e in found if e["effect"] == "slack"]
-    assert set(told["recordings"]) <= {"r0", "r3"}
+    assert shown((coarse, stress)) == {}

@@ -62,7 +62,8 @@ def phases(chunk: Chunk, band: float = 0.02) -> Phases:
     )
     length = np.maximum(time[np.minimum(np.arange(n) + reach, n - 1)] - time, 1e-12)
     rate = step / length
-    moving = np.abs(np.diff(strain)) / np.maximum(np.diff(time), 1e-12)
+    took = np.diff(time)  # time stamps may repeat
+    moving = np.abs(np.diff(strain))[took > 0] / took[took > 0]
     typical = np.median(moving[moving > 0]) if (moving > 0).any() else 0.0
     hold = rate < min(0.02 * typical, 1.0) if typical > 0 else np.ones(n, bool)
     hold |= (step < 1e-4 * span) & (rate < 0.1 * typical)

@@ -1,0 +1,155 @@
+"""What a search finds: planted effects, nothing in noise, the same in other units.
+
+By order alone: which account is worth most. No constant of the weighing is asserted.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made import STIFFNESS, UNITS, histories, mullins
+
+from softnn.effects import EFFECTS
+from softnn.fit import Data, Engine
+from softnn.mismatch.accounts import search, value
+from softnn.mismatch.base import Baseline, baseline, weigh
+from softnn.mismatch.candidates import candidates, expand, names
+from softnn.mismatch.evidence import Weigher
+from softnn.mismatch.posterior import posterior
+from softnn.models.units import Units
+from softnn.simulate import Term, simulate
+
+NOISE = 1e-3  # of the largest stress
+SPRING = Units("wiechert", (0.0, 1.0), (5.0,))
+
+
+def told(law):
+    """Two recordings of an effect's telltale, the second with it where it has its own
+    values, on one spring and branch."""
+    chunk = law.telltale()
+    chunks = (chunk, replace(chunk, strain=0.8 * chunk.strain))
+    stiffness = np.array([1.0, 0.4])
+    plain = simulate(SPRING, stiffness, [], list(chunks))
+    scales = Data(("a", "b"), chunks, tuple(plain)).scales()
+    values = law.defaults() | dict(law.starts(scales)[0])
+    for name in law.per_recording:
+        last = np.ravel(values[name])[-1]
+        values[name] = np.array([law.off.get(name, last), last])
+    stress = simulate(SPRING, stiffness, [Term(law, values)], list(chunks))
+    rng = np.random.default_rng(1)
+    sigma = NOISE * max(float(np.abs(s).max()) for s in plain)
+    noisy = tuple(s + sigma * rng.standard_normal(len(s)) for s in stress)
+    return Data(("a", "b"), chunks, noisy)
+
+
+ASKED = [law for law in EFFECTS if "wiechert" not in law.part_of]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ASKED, ids=[e.id for e in ASKED])
+def test_a_planted_effect_is_the_first_candidate_on_its_own_telltale(law):
+    if "recover" in law.exempt:
+        pytest.skip(law.exempt["recover"])
+    base = baseline(told(law), "wiechert")
+    pool = candidates(base.engine, base.name, False)
+    assert law.id in {e.id for e in pool}
+    found = expand(base.engine, base.fit, pool, len(pool))
+    assert found, "the base takes it up"
+    weigh(base.engine, found[0])
+    weigher = Weigher(base.engine, base.fit)
+    evidence = {}
+    for one in found:
+        (name,) = names(one)
+        worth = weigher.weigh(one)
+        fitted = worth.alone - 0.5 * worth.numbers * np.log(len(one.residual))
+        evidence[name] = max(evidence.get(name, -np.inf), fitted)
+    assert max(evidence, key=evidence.__getitem__) == law.id
+
+
+def made(terms=(), noise=0.002, seed=0, order=None, scale=1.0):
+    """The five histories of `made`, a quarter of the samples, as data."""
+    rng = np.random.default_rng(seed)
+    chunks = [
+        replace(c, time_s=c.time_s[::4], strain=c.strain[::4]) for c in histories()
+    ]
+    clean = simulate(UNITS, STIFFNESS, list(terms), chunks)
+    stress = [scale * (s + noise * rng.standard_normal(len(s))) for s in clean]
+    order = order or range(len(chunks))
+    return Data(
+        tuple(f"r{i}" for i in order),
+        tuple(chunks[i] for i in order),
+        tuple(stress[i] for i in order),
+    )
+
+
+def likeliest(data):
+    return posterior(search(baseline(data, "pl-wiechert")).accounts)
+
+
+@pytest.fixture(scope="module")
+def softened():
+    return search(baseline(made([mullins()]), "pl-wiechert"))
+
+
+def test_in_noise_alone_nothing_is_likelier_than_any_effect():
+    found = likeliest(made())
+    assert found.selected == frozenset()
+    assert found.nothing > max(found.effects.values(), default=0.0)
+
+
+def test_what_is_planted_is_worth_most(softened):
+    best = max(softened.accounts, key=value)
+    assert "mullins_softening" in best.effects
+    assert softened.accounts[0].effects == frozenset()
+    found = posterior(softened.accounts)
+    assert next(iter(found.effects)) == "mullins_softening"
+    assert found.best.effects == {"mullins_softening"}
+
+
+@pytest.mark.slow
+def test_other_units_and_another_order_change_no_name(softened):
+    plain = posterior(softened.accounts)
+    for data in (
+        made([mullins()], scale=1e3),
+        made([mullins()], order=[4, 3, 2, 1, 0]),
+    ):
+        other = likeliest(data)
+        assert other.selected == plain.selected
+        assert next(iter(other.effects)) == next(iter(plain.effects))
+
+
+@pytest.mark.slow
+def test_data_that_are_more_exact_never_speak_against_the_truth():
+    chance = []
+    for noise in (0.02, 0.002, 0.0002):
+        found = likeliest(made([mullins()], noise=noise))
+        chance.append(found.effects.get("mullins_softening", 0.0))
+    assert chance[0] <= chance[1] + 0.01
+    assert chance[1] <= chance[2] + 0.01
+
+
+def test_accounts_are_weighed_under_one_noise(softened):
+    """Evidence can be held against evidence only so: made anew it is the same."""
+    base = softened.base
+    assert isinstance(base, Baseline)
+    assert isinstance(base.engine, Engine)
+    weigher = Weigher(base.engine, softened.accounts[0].fit)
+    again = weigher.weigh(softened.accounts[0].fit)
+    assert again.alone == pytest.approx(softened.accounts[0].evidence.alone, abs=1.0)
+
+
+def test_a_planted_effect_leaves_the_noise_that_was_drawn(softened):
+    best = max(softened.accounts, key=value)
+    engine = softened.base.engine
+    left = float(np.sqrt(np.mean((engine.target - best.fit.stress) ** 2)))
+    base_left = float(
+        np.sqrt(np.mean((engine.target - softened.accounts[0].fit.stress) ** 2))
+    )
+    assert left == pytest.approx(0.002, rel=0.1)
+    assert base_left > 3 * left
+    depth = next(
+        p.values["depth"]
+        for p in best.fit.guess.pieces
+        if p.effect.id == "mullins_softening"
+    )
+    assert depth == pytest.approx(0.4, abs=0.05)
