@@ -15,7 +15,7 @@ from softnn.contracts import Chunk, Effect, InputError, Scales
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, get, put, slots
 from softnn.models.units import Units
-from softnn.simulate import Term, measured, reach, run_on, simulate
+from softnn.simulate import Term, measured, reach, run_on, simulate, to_model
 
 LAWS = [law for e in EFFECTS for law in (e, *e.second_forms)]
 UNITS = Units("pl-wiechert", (-1.0, 0.0, 0.4, 1.0), (0.3, 5.0))
@@ -57,10 +57,7 @@ def by_chunks(law: Effect, values: dict, chunk: Chunk, length: int) -> np.ndarra
         )
         signal = reach([term], ready, piece, memory)
         signal = type(signal)(**{**vars(signal), "begun_s": float(chunk.time_s[0])})
-        inner = Chunk(
-            piece.time_s, signal.strain[:, 0], None, signal.branch_strain[:, 0]
-        )
-        springs, branches, state = UNITS.respond(inner, state)
+        springs, branches, state = UNITS.respond(to_model(signal), state)
         signal = type(signal)(
             **{
                 **vars(signal),
@@ -176,15 +173,12 @@ def test_batch_equals_loop(law):
     signal = reach([term], ready, chunk, memory)
     columns = []
     for j in range(2):
-        pick = min(j, signal.strain.shape[1] - 1)
-        inner = Chunk(
-            chunk.time_s,
-            np.ascontiguousarray(signal.strain[:, pick]),
-            None,
-            np.ascontiguousarray(
-                signal.branch_strain[:, min(j, signal.branch_strain.shape[1] - 1)]
-            ),
-        )
+        alone = {
+            port: np.ascontiguousarray(x[:, min(j, x.shape[1] - 1)][:, None])
+            for port in ("strain", "branch_strain", "branch_time_s")
+            if (x := getattr(signal, port)) is not None
+        }
+        inner = to_model(replace(signal, **alone))
         columns.append(UNITS.respond(inner)[:2])
     signal = type(signal)(
         **{

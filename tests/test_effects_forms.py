@@ -182,3 +182,64 @@ def test_branches_feel_their_share_of_a_set(share):
     moved = [Chunk(time, strain - share * 0.2 * largest)]
     (as_moved,) = simulate(spring, np.array([0.0, 2.0]), [], moved)
     np.testing.assert_allclose(flows, as_moved, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "amplitude"),
+    [
+        ("thermal_softening", "ThermalClock", "quickening_per_C"),
+        ("strain_dependent_relaxation", "StrainClock", "growth"),
+    ],
+)
+def test_a_clock_that_is_off_is_off_exactly_at_odd_times(name, form, amplitude):
+    # Summed steps of a clock are not its stamps to the last digit.
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.uniform(1e-3, 0.3, 300))
+    warm = 23 + rng.normal(size=300)
+    chunk = Chunk(time, 0.3 + 0.3 * np.sin(time), warm)
+    units = Units("wiechert", (0.0, 1.0), (0.5, 5.0))
+    term = Term(effect(name, form), {amplitude: 0.0})
+    (off,) = simulate(units, [1.0, 2.0, 3.0], [term], [chunk])
+    (plain,) = simulate(units, [1.0, 2.0, 3.0], [], [chunk])
+    np.testing.assert_array_equal(off, plain)
+
+
+@pytest.mark.parametrize("start", [0.0, 7.0])
+def test_at_one_temperature_branches_are_those_of_shifted_times(start):
+    # Williams, Landel and Ferry: warmer is as good as shorter relaxation times.
+    time = start + np.linspace(0, 20, 400)
+    strain = np.interp(time - start, [0, 3, 8, 11, 20], [0, 0.5, 0.5, 0.2, 0.2])
+    law = effect("thermal_softening", "ThermalClock")
+    term = Term(law, {"quickening_per_C": 0.1})
+    warm = Chunk(time, strain, np.full(400, 43.0))
+    tau, stiffness = np.array([0.5, 5.0]), [1.0, 2.0, 3.0]
+    (out,) = simulate(Units("w", (0.0, 1.0), tuple(tau)), stiffness, [term], [warm])
+    shifted = Units("w", (0.0, 1.0), tuple(tau / np.exp(0.1 * 20)))
+    (expected,) = simulate(shifted, stiffness, [], [Chunk(time, strain)])
+    np.testing.assert_allclose(out, expected, rtol=1e-10, atol=1e-14)
+
+
+def test_held_at_a_strain_branches_are_those_of_shifted_times():
+    law = effect("strain_dependent_relaxation", "StrainClock")
+    time = np.linspace(0, 20, 401)
+    hold = Chunk(time, np.full(401, -0.5))  # reached in a step, of either sign
+    units = Units("wiechert", (0.0, 1.0), (4.0,))
+    (out,) = simulate(units, [0.0, 2.0], [Term(law, {"growth": 3.0})], [hold])
+    np.testing.assert_allclose(out, -np.exp(-time * np.exp(1.5) / 4.0), rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("form", "more"),
+    [
+        ("SpreadBranch", {"width_decades": 0.0}),  # all at one time
+        ("TwoBranches", {"share": 0.0, "ratio": 10.0}),
+    ],
+)
+def test_branches_of_one_time_are_the_one_branch(form, more):
+    values = {"stiffness_MPa": 2.0, "relaxation_time_s": 3.0}
+    pull = Chunk(np.linspace(0, 9, 91), 0.5 * np.sin(np.linspace(0, 3, 91)))
+    (one,), (many,) = (
+        simulate(SPRING, [1.0], [Term(effect("relaxation_branch", f), v)], [pull])
+        for f, v in ((None, values), (form, values | more))
+    )
+    np.testing.assert_allclose(many, one, rtol=1e-12, atol=1e-14)

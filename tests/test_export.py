@@ -137,6 +137,17 @@ def test_every_effect_that_can_be_stepped_says_what_python_says(law, tmp_path):
     assert np.max(np.abs(want - plain)) > 1e-4 * np.max(np.abs(plain)), "it acts"
 
 
+def test_clocks_add_up_and_leave_a_branch_that_was_added_alone(tmp_path):
+    forms = (
+        ("strain_dependent_relaxation", "StrainClock"),
+        ("relaxation_branch", "SpreadBranch"),
+        ("thermal_softening", "ThermalClock"),
+    )
+    model, chunk = with_effects(*(piece(effect(*f)) for f in forms)), history(5000)
+    got, _ = Compiled(tmp_path, model).run(chunk)
+    assert_same(got, model.stress(["r"], [chunk], [None])[0])
+
+
 def test_no_template_is_of_an_effect_that_is_not_there():
     forms = {law.form for law in FORMS_OF_EFFECTS}
     for file in (FOLDER / "effects").glob("*.c"):

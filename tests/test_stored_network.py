@@ -1,6 +1,7 @@
 """A trained network as a file, and as the simulation that a diagnosis corrects."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,15 @@ import pytest
 
 from softnn import cli
 from softnn.contracts import Chunk, InputError
-from softnn.neural import Network, Regularisation, StoredNetwork, samples, stored, train
+from softnn.neural import (
+    Network,
+    Regularisation,
+    Seen,
+    StoredNetwork,
+    samples,
+    stored,
+    train,
+)
 from softnn.recording import Recording
 
 
@@ -88,6 +97,25 @@ def test_network_is_a_base_and_its_correction_needs_no_column(case, tmp_path):
     table = pd.read_csv(out / "c.csv")
     wanted = stress_of(table["strain"]) + 0.1
     np.testing.assert_allclose(table["simulated_MPa"], wanted, atol=0.03)
+
+
+def test_simulate_marks_and_counts_what_a_network_was_never_shown(
+    network, tmp_path, capsys
+):
+    seen = Seen((0.0, 0.6), (-0.2, 0.2))
+    file, recording = tmp_path / "network.json", tmp_path / "far.csv"
+    file.write_text(json.dumps(replace(network, seen=seen).source))
+    # 0.01 a sample up to 0.79, then as fast back: a rate of 1 per s is outside too.
+    strain = np.concatenate([np.arange(0, 0.8, 0.01), [0.75, 0.7]])
+    time = np.append(np.arange(80) * 0.1, [7.95, 8.0])
+    pd.DataFrame({"time_s": time, "strain": strain}).to_csv(recording, index=False)
+    out = str(tmp_path / "out")
+    assert cli.main(["simulate", str(file), str(recording), "--out", out]) == 0
+    flags = pd.read_csv(tmp_path / "out" / "far.csv")["outside"].to_numpy()
+    assert np.flatnonzero(flags & 1).tolist() == list(range(61, 82))
+    assert np.flatnonzero(flags & 2).tolist() == [80, 81]
+    told = capsys.readouterr().out
+    assert told == ("far: 82 samples, 21 outside the training (strain 21, rate 2)\n")
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,7 @@ class RelaxationBranch(Effect):
 
 
 SPREAD = np.array([-1.5, -0.75, 0.0, 0.75, 1.5])  # standard deviations
+TIMES_S = (1e-6, 1e9)  # of its branches
 
 
 class SpreadBranch(RelaxationBranch):
@@ -105,7 +106,7 @@ class SpreadBranch(RelaxationBranch):
         for k, (share, time) in enumerate(self.parts(p)):
             own = {
                 "stiffness_MPa": share * p["stiffness_MPa"],
-                "relaxation_time_s": np.clip(time, 1e-6, 1e9),
+                "relaxation_time_s": np.clip(time, *TIMES_S),
             }
             new, last = super().after(own, signal, state and state[k])
             total = total + (new.branches - signal.branches)

@@ -105,6 +105,7 @@ class StrainClock(StrainDependentRelaxation):
         step = np.diff(time, axis=0, prepend=last)
         pace = np.exp(np.clip(p["growth"] * np.abs(signal.strain), -30, 30))
         passed = gone + np.cumsum(step * pace, axis=0)
+        passed = np.where(p["growth"] == 0, time, passed)  # to the last bit
         new = replace(signal, branch_time_s=passed)
         return new, (time[-1:], passed[-1:])
 

@@ -115,6 +115,7 @@ class ThermalClock(ThermalSoftening):
         warmer = self.warmer(signal, known)
         step = np.diff(time, axis=0, prepend=last)
         passed = gone + np.cumsum(step * np.exp(pace * warmer[:, None]), axis=0)
+        passed = np.where(pace == 0, time, passed)  # to the last bit
         new = replace(signal, branch_time_s=passed)
         return new, (warmer[-1], time[-1:], passed[-1:])
 

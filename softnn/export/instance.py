@@ -14,6 +14,7 @@ import numpy as np
 
 from softnn.contracts import InputError
 from softnn.effects.friction_hysteresis import RATIOS
+from softnn.effects.relaxation_branch import TIMES_S, SpreadBranch
 from softnn.export.network import network
 from softnn.export.parts import DEEPEST, UNSTEPPED, Instance, Options, struct_of
 from softnn.export.templates_of import FOLDER, blocks, fill, indented, literal
@@ -59,7 +60,7 @@ def _corrected(
         out.types.append(fill(blocks("base.c")["branches_type"], filled))
         out.functions.append(fill(blocks("base.c")["branches"], filled))
         members.append(f"{prefix}_branches_t fitted;")
-        places["branches"] = f"{prefix}_branches(&s->fitted, dt, b)"
+        places["branches"] = f"{prefix}_branches(&s->fitted, lapse, b)"
     steps, own = _effects(model, options, out)
     members += own
     correct = ""
@@ -176,6 +177,14 @@ def _places(model: Stored, i: int, options: Options) -> dict[str, Any]:
             "elements": len(RATIOS),
             "radius": values["presliding"] * RATIOS,
             "weight": weight / weight.sum(),
+        }
+    if isinstance(law, SpreadBranch):
+        parts = law.parts(values)
+        shares, times = (np.array(x, float) for x in zip(*parts, strict=True))
+        values |= {
+            "elements": len(times),
+            "stiffnesses": shares * values["stiffness_MPa"],
+            "times": np.clip(times, *TIMES_S),
         }
     if law.form in ("Delay", "DelayedLag"):
         values["capacity"] = options.capacity(values["time_constant_s"])

@@ -19,6 +19,7 @@ from softnn.contracts import Chunk, InputError
 from softnn.models.units import BASES
 from softnn.workers import workers
 
+SLACK = 0.01  # of the range of strain, by which one may lie beside it
 DONE = ".done"  # in the folder of a diagnosis, once all of it is written
 
 
@@ -56,7 +57,9 @@ def add_simulate(commands: Any) -> None:
         "simulate",
         help="stress of a model.json over the strain of recordings",
         description="Write time_s, strain, simulated_MPa (and stress_MPa where the "
-        "recording has it) for each recording; the stress is never used.",
+        "recording has it) for each recording; the stress is never used. A network "
+        "gets a column outside: 1 strain, 2 rate, 4 direction never shown to it, added "
+        "up.",
     )
     parser.add_argument("model", metavar="MODEL.json")
     parser.add_argument("recordings", nargs="+", metavar="RECORDING.csv")
@@ -244,15 +247,71 @@ def simulate(arguments: argparse.Namespace) -> int:
         )
         measured.append(frame.get("stress_MPa"))
     stress = model.stress(stems, chunks, given)
+    for line in _beyond(model, stems, chunks):
+        print(f"softnn: {line}", file=sys.stderr)
     for file, chunk, s, m in zip(files, chunks, stress, measured, strict=True):
         table = {"time_s": chunk.time_s, "strain": chunk.strain, "simulated_MPa": s}
         if m is not None:
             table["stress_MPa"] = m.to_numpy(float)
+        told = f"{file.stem}: {len(s)} samples"
+        if hasattr(model, "outside"):
+            table["outside"] = model.outside(chunk)
+            told += _outside(table["outside"])
         pd.DataFrame(table).to_csv(
             out / f"{file.stem}.csv", index=False, float_format="%.9g"
         )
-        print(f"{file.stem}: {len(s)} samples")
+        print(told)
     return 0
+
+
+def _outside(flags: Any) -> str:
+    """How many samples a network was asked beyond its training."""
+    from softnn.neural import counted
+
+    count = dict(counted(flags))
+    del count["samples"]
+    total = count.pop("outside")
+    by = ", ".join(f"{word} {n}" for word, n in count.items() if n)
+    return f", {total} outside the training" + (f" ({by})" if total else "")
+
+
+def _beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[str]:
+    """What a corrected model does not know of these recordings, in a line each."""
+    from softnn.mismatch.model_file import Stored
+
+    if not isinstance(model, Stored):
+        return []
+    lines = []
+    low, high = model.units.knots[0], model.units.knots[-1]
+    slack = SLACK * (high - low)
+    far = [
+        name
+        for name, chunk in zip(names, chunks, strict=True)
+        if chunk.strain.min() < low - slack or chunk.strain.max() > high + slack
+    ]
+    if far:
+        lines.append(
+            f"{_some(far)}: strain beyond {low:.4g} to {high:.4g}, which the model "
+            "was made from"
+        )
+    own, inner = set(), model
+    while isinstance(inner, Stored):
+        own |= {n for piece in inner.own for values in piece.values() for n in values}
+        inner = inner.simulation
+    new = [name for name in names if name not in own]
+    if own and new:
+        lines.append(
+            f"{_some(new)}: unknown to the model by name; own values of that recording "
+            f"are off (it knows {_some(sorted(own))})"
+        )
+    return lines
+
+
+def _some(names: Sequence[str], most: int = 3) -> str:
+    """Names in a line: the first few, and how many more."""
+    shown = ", ".join(" ".join(n.split())[:60] for n in names[:most])
+    more = len(names) - most
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def _history(file: Path) -> Any:

@@ -21,6 +21,26 @@ static double first_order(double dt, double x, double tau, double *before, doubl
     *before = x;
     return *y;
 }
+/*@ reversals */
+/* Half cycles so far. s: extreme since the last reversal, direction, count, largest. */
+static double reversals(double e, double *s)
+{
+    const double band = 0.05; /* a way back of a smaller share is no reversal */
+    s[3] = fmax(s[3], fabs(e));
+    if (s[1] == 0.0) {
+        if (fabs(e - s[0]) > band * s[3] && e != s[0]) {
+            s[1] = e > s[0] ? 1.0 : -1.0;
+            s[0] = e;
+        }
+    } else if (s[1] * (e - s[0]) > 0.0) {
+        s[0] = e;
+    } else if (s[1] * (s[0] - e) > band * s[3]) {
+        s[1] = -s[1];
+        s[0] = e;
+        s[2] += 1.0;
+    }
+    return s[2];
+}
 /*@ flow */
 /* A spring in series with a nonlinear dashpot; power 0 is Eyring's, else Norton's. */
 static double flow(double dt, double increment, double time, double threshold,

@@ -1,23 +1,18 @@
 /*@ CyclicSoftening state */
-double extreme, direction, count, peak;
+double turns[4];
 /*@ CyclicSoftening after */
 {
-    const double band = 0.05; /* a way back of a smaller share is no reversal */
-    double factor;
-    q->peak = fmax(q->peak, fabs(e));
-    if (q->direction == 0.0) {
-        if (fabs(e - q->extreme) > band * q->peak && e != q->extreme) {
-            q->direction = e > q->extreme ? 1.0 : -1.0;
-            q->extreme = e;
-        }
-    } else if (q->direction * (e - q->extreme) > 0.0) {
-        q->extreme = e;
-    } else if (q->direction * (q->extreme - e) > band * q->peak) {
-        q->direction = -q->direction;
-        q->extreme = e;
-        q->count += 1.0;
-    }
-    factor = fmax(1.0 - {loss} * log10(1.0 + q->count / 2.0), 0.05);
+    const double number = reversals(e, q->turns) / 2.0;
+    const double factor = fmax(1.0 - {loss} * log10(1.0 + number), 0.05);
+    eq *= factor;
+    br *= factor;
+}
+/*@ SaturatingSoftening state */
+double turns[4];
+/*@ SaturatingSoftening after */
+{
+    const double number = reversals(e, q->turns) / 2.0;
+    const double factor = fmax(1.0 + {loss} * expm1(-number / {cycles}), 0.05);
     eq *= factor;
     br *= factor;
 }

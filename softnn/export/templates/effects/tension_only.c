@@ -10,3 +10,8 @@ if (eq + br < 0.0) {
     eq *= kept;
     br *= kept;
 }
+/*@ SlackStrip after */
+if (e < 0.0) {
+    eq *= 1.0 - {amount};
+    br *= 1.0 - {amount};
+}

@@ -1,0 +1,54 @@
+"""`softnn simulate` says what a corrected model does not know of a recording."""
+
+import json
+
+import numpy as np
+import pandas as pd
+
+from softnn.cli import main
+from softnn.effects import effect
+from softnn.fit import Guess, Piece
+from softnn.mismatch.model_file import to_dict
+from softnn.models.units import Units
+
+UNITS = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.4, 8.0))
+STIFFNESS = np.array([1.0, 0.6, 0.5, 0.4])
+
+
+def offset_model(folder, **own):
+    """A stored model of strain 0 to 1 with zero offsets of single recordings."""
+    law = effect("zero_offset")
+    values = {"offset_MPa": np.array(list(own.values())) if own else 0.0}
+    guess = Guess(UNITS, STIFFNESS, (Piece(law, values, ()),))
+    file = folder / "model.json"
+    file.write_text(json.dumps(to_dict(guess, list(own), "fresh", False)))
+    return str(file)
+
+
+def test_simulate_warns_in_a_line_of_what_the_model_does_not_know(tmp_path, capsys):
+    model, files = offset_model(tmp_path, known=0.1, other=0.2), []
+    for name, peak in (("known", 1.005), ("near", 0.9), ("far", 1.2)):
+        files.append(str(tmp_path / f"{name}.csv"))
+        pull = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "strain": [0.0, peak, 0.0]})
+        pull.to_csv(files[-1], index=False)
+    out = str(tmp_path / "out")
+    assert main(["simulate", model, *files, "--out", out]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        "softnn: far: strain beyond 0 to 1, which the model was made from",
+        "softnn: near, far: unknown to the model by name; own values of that recording "
+        "are off (it knows known, other)",
+    ]
+    starts = [
+        pd.read_csv(tmp_path / "out" / f"{n}.csv")["simulated_MPa"][0]
+        for n in ("known", "near", "far")
+    ]
+    assert starts == [0.1, 0.0, 0.0]
+
+
+def test_simulate_is_quiet_where_nothing_is_unknown(tmp_path, capsys):
+    model, file = offset_model(tmp_path), tmp_path / "a.csv"
+    file.write_text("time_s,strain\n0,0\n1,0.5\n")
+    assert main(["simulate", model, str(file), "--out", str(tmp_path / "out")]) == 0
+    assert capsys.readouterr().err == ""
+    columns = pd.read_csv(tmp_path / "out" / "a.csv").columns
+    assert "outside" not in columns
