@@ -1,5 +1,6 @@
 """Weights, names and readings of a posterior, by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,14 +16,13 @@ from softnn.mismatch.posterior import (
     Posterior,
     features,
     posterior,
+    probabilities,
     table,
-    weights,
 )
 
 N = 400
-HAND = Constants(
-    power=0.5, coarse=40.0, first=1.0, more=2.0, several=0.25, other=3.0, both=4.0
-)
+HAND = Constants(0.5, 1.0, 0.0, 40.0, 1.0, 2.0, 0.25, 3.0, 4.0)
+HALF = replace(HAND, doubt=0.25)
 
 
 def account(*names, alone=0.0, beside=0.0, numbers=0, own=False):
@@ -39,45 +39,52 @@ def test_features_are_counted():
     both = account("slack", "inertia", alone=50.0, beside=70.0, numbers=3, own=True)
     price = 1.5 * np.log(N)
     row = features(Hypothesis(both, False))
-    assert row == pytest.approx([50 - price, 1, 1, 2, 0, 0])
+    assert row == pytest.approx([50, price, 1, 1, 2, 0, 0])
     row = features(Hypothesis(both, True))
-    assert row == pytest.approx([70 - price, 1, 1, 2, 1, 1])
+    assert row == pytest.approx([70, price, 1, 1, 2, 1, 1])
     # The scatter between specimens is no effect.
     row = features(Hypothesis(account(beside=5.0), True))
-    assert row == pytest.approx([5, 0, 0, 0, 1, 0])
+    assert row == pytest.approx([5, 0, 0, 0, 0, 1, 0])
 
 
-def test_weights_of_a_small_table():
-    rows = np.array(
-        [
-            [100.0, 0, 0, 0, 0, 0],  # nothing
-            [120.0, 0, 0, 0, 1, 0],  # something on no list
-            [180.0, 1, 0, 1, 0, 0],  # an effect, with values in several recordings
-            [170.0, 1, 1, 0, 1, 1],  # two, and something else
-        ]
-    )
-    # The best gains 80, so T = 1 + 80 / 40 = 3 and each nat counts 0.5 / 3.
-    expected = [
-        0.0,
-        0.5 / 3 * 20 - 3,
-        0.5 / 3 * 80 - 1 - 0.25,
-        0.5 / 3 * 70 - 1 - 2 - 3 - 4,
+TABLE = np.array(
+    [
+        [100.0, 0, 0, 0, 0, 0, 0],  # nothing
+        [120.0, 0, 0, 0, 0, 1, 0],  # something on no list
+        [181.0, 1, 1, 0, 1, 0, 0],  # an effect of several recordings, one number
+        [170.0, 0, 1, 1, 0, 1, 1],  # two, and something else
     ]
-    np.testing.assert_allclose(weights(rows, HAND), expected, atol=1e-12)
+)
+COSTS = np.array([0.0, 3.0, 1.25, 10.0])
 
 
-def test_what_is_gained_without_end_says_no_more_than_a_limit():
-    def told(gain, coarse):
-        rows = np.zeros((2, 6))
-        rows[1] = [gain, 1, 0, 0, 0, 0]
-        fixed = Constants(0.5, coarse, 1.0, 2.0, 0.25, 3.0, 4.0)
-        return weights(rows, fixed)[1]
+def softmax(x):
+    return np.exp(x) / np.exp(x).sum()
 
-    assert told(1e12, 40.0) == pytest.approx(0.5 * 40 - 1, rel=1e-6)
-    # Without coarsening the likelihood says all it has to say.
-    assert told(80.0, 1e12) == pytest.approx(0.5 * 80 - 1, rel=1e-6)
+
+def test_probabilities_of_a_small_table():
+    gain = 0.5 * np.array([0.0, 20.0, 80.0, 70.0])
+    plain = softmax(gain - COSTS)
+    np.testing.assert_allclose(probabilities(TABLE, HAND), plain, atol=1e-12)
+    # The best gains 80, so in the coarse view each nat counts 1 / (1 + 80 / 40).
+    coarse = softmax(gain / 3 - COSTS)
+    mixed = 0.75 * plain + 0.25 * coarse
+    np.testing.assert_allclose(probabilities(TABLE, HALF), mixed, atol=1e-12)
+
+
+def test_what_is_gained_without_end_says_no_more_than_a_limit_to_the_coarse_view():
+    coarse = replace(HAND, doubt=1.0)
+
+    def odds(gain, constants):
+        rows = np.zeros((2, 7))
+        rows[1, :3] = [gain, 0, 1]
+        nothing, effect_ = probabilities(rows, constants)
+        return np.log(effect_ / nothing)
+
+    assert odds(1e12, coarse) == pytest.approx(0.5 * 40 - 1, rel=1e-6)
+    assert odds(20.0, HAND) == pytest.approx(0.5 * 20 - 1)
     # And what gains nothing costs what it costs.
-    assert told(0.0, 40.0) == told(0.0, 1e12) == -1.0
+    assert odds(0.0, coarse) == pytest.approx(-1.0)
 
 
 def test_probabilities_are_those_of_the_weights_and_sum_to_one():
@@ -89,10 +96,8 @@ def test_probabilities_are_those_of_the_weights_and_sum_to_one():
     found = posterior(tried, HAND)
     assert len(found.hypotheses) == 6
     assert found.probability.sum() == pytest.approx(1.0)
-    w = weights(np.array([features(h) for h in found.hypotheses]), HAND)
-    np.testing.assert_allclose(
-        found.probability, np.exp(w) / np.exp(w).sum(), rtol=1e-12
-    )
+    rows = np.array([features(h) for h in found.hypotheses])
+    np.testing.assert_allclose(found.probability, probabilities(rows, HAND))
     assert found.nothing == found.probability[0]
     each = zip(found.hypotheses, found.probability, strict=True)
     by = {(h.effects, h.other): p for h, p in each}

@@ -88,12 +88,12 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
     """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
     k = constants
     gain = table[:, 0] - k.number * table[:, 1]
-    gain = k.power * (gain - gain[0])
+    gain = gain - gain[0]
     costs = np.array([k.first, k.more, k.several, k.other, k.both])
-    coarse = 1 + max(float(gain.max()), 0.0) / (k.power * k.coarse)
+    coarse = 1 + max(float(gain.max()), 0.0) / k.coarse
     out = np.zeros(len(table))
     for share, view in ((1 - k.doubt, gain), (k.doubt, gain / coarse)):
-        log = view - table[:, 2:] @ costs
+        log = k.power * view - table[:, 2:] @ costs
         weight = np.exp(log - log.max())
         out += share * weight / weight.sum()
     return out
