@@ -115,10 +115,10 @@ def test_probabilities_are_those_of_the_weights_and_sum_to_one():
 
 def test_all_alike_are_alike_and_evidence_beyond_floats_is_no_trouble():
     same = [account(alone=1.0, beside=1.0), account("slack", alone=1.0, beside=1.0)]
-    free = Constants(0.5, 40.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    free = Constants(0.5, 1.0, 0.0, 40.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     np.testing.assert_allclose(posterior(same, free).probability, 0.25)
     far = [account(), account("slack", alone=1e8, beside=1e8)]
-    sharp = Constants(0.5, 1e15, 1.0, 0.0, 0.0, 3.0, 4.0)
+    sharp = Constants(0.5, 1.0, 0.5, 1e15, 1.0, 0.0, 0.0, 3.0, 4.0)
     assert np.isfinite(posterior(far, sharp).probability).all()
     assert posterior(far, sharp).effects["slack"] == pytest.approx(1.0)
 
