@@ -90,7 +90,7 @@ def test_what_is_on_no_list_is_named_after_nothing_on_it(tmp_path):
         wear = np.concatenate([[0], np.cumsum(np.diff(c.time_s) * c.strain[1:] ** 2)])
         worn.append(s * np.exp(-0.03 * wear))
     found = diagnose(read_case(write_case(tmp_path / "worn", stress=worn)))
-    assert found.result["verdict"] == "unexplained"
+    assert found.result["verdict"] in ("unexplained", "undetermined")
     assert found.result["selected"] == []
 
 
@@ -126,7 +126,8 @@ def test_a_gap_too_small_for_any_recording_is_seen_in_all_together(tmp_path):
     case = read_case(write_case(tmp_path / "c", [slack]))
     base = baseline(to_data(case), "pl-wiechert")
     leads = Screen(base.engine, base.fit).lead(law, ENTRY)
-    assert {lead.piece.groups for lead in leads} == {((0, 1, 2, 3, 4),)}
+    best = max(leads, key=lambda lead: lead.gain)
+    assert best.piece.groups == ((0, 1, 2, 3, 4),)
     found = diagnose(case).result
     assert found["selected"] == ["slack"]
     told = found["explanations"][0]["parameters"]

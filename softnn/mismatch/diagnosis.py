@@ -225,13 +225,18 @@ class Told:
         return names if names and self.helps else []
 
     @property
+    def few(self) -> bool:
+        """Whether there are too few samples to tell anything apart."""
+        return len(self.engine.target) < FEWEST
+
+    @property
     def tellable(self) -> bool:
         """Whether these recordings can show what was selected.
 
         On first loading most physics looks alike: softening, set and friction are a
         spring there. What a rig or a channel does can still be told.
         """
-        if len(self.engine.target) < FEWEST:
+        if self.few:
             return False
         pieces = [p for p in self.final.guess.pieces if not p.nuisance]
         material = any(p.effect.stage == "material" for p in pieces)
@@ -251,7 +256,7 @@ class Told:
 
     def _verdict(self) -> str:
         probable = self.probable
-        if len(self.engine.target) < FEWEST:
+        if self.few:
             return "undetermined"
         if self.names:
             least = min(probable.effects[n] for n in self.names)

@@ -143,6 +143,8 @@ def scan(
     q = span(found.free_columns)
     residual = found.residual - q @ (q.T @ found.residual)
     sets = _windows(engine.owner)
+    if not sets:  # too few samples for any
+        return np.zeros(len(found.residual), bool), 0.0, 0.0
     # Noise estimated a little too low must not read as a mismatch.
     scale = np.sqrt(max(np.median(residual**2) / 0.4549, 1.0))
     largest = []

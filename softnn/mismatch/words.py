@@ -67,14 +67,14 @@ def summary(result: dict[str, Any], told: Told) -> str:
             f"{percent(before)}, the noise {percent(noise)}.{_structure(result)}"
             f"{_nearest(told)}"
         )
+    if locate.only_loading(told.engine) and not told.few:
+        return (
+            f"The simulation misses {percent(before)} of what was recorded (noise "
+            f"{percent(noise)}), but first loading alone does not tell what: "
+            "softening, set, friction and others look alike there. Record the way "
+            "back, and cycles."
+        )
     if not told.tellable:
-        if locate.only_loading(told.engine):
-            return (
-                f"The simulation misses {percent(before)} of what was recorded (noise "
-                f"{percent(noise)}), but first loading alone does not tell what: "
-                "softening, set, friction and others look alike there. Record the way "
-                "back, and cycles."
-            )
         return "Too little was recorded to tell whether anything is missing."
     return (
         "It cannot be told what is missing, or whether anything is: the error "
@@ -127,7 +127,7 @@ def _nearest(told: Told) -> str:
 
 def next_recording(told: Told) -> dict[str, Any] | None:
     """The recording that would tell the likeliest readings apart."""
-    if not told.tellable and locate.only_loading(told.engine):
+    if not told.names and locate.only_loading(told.engine):
         return {
             "strain_programme": "cycles to growing strain, each amplitude twice, and a "
             "hold",
