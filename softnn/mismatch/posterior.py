@@ -34,15 +34,15 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    power: float = 0.474  # c
-    number: float = 0.542  # of (log n) / 2, the price of a number
-    doubt: float = 0.406  # m, the share of the coarse view
-    coarse: float = 17.0  # G_0, nats
-    first: float = 2.62  # cost of any effect, nats
-    more: float = 4.05  # of each further one
-    several: float = 1.43  # of values of its own in several recordings
-    other: float = 1.17  # of something on no list
-    both: float = 5.91  # of that beside effects
+    power: float = 0.535  # c
+    number: float = 0.7  # of (log n) / 2, the price of a number
+    doubt: float = 0.381  # m, the share of the coarse view
+    coarse: float = 17.3  # G_0, nats
+    first: float = 3.98  # cost of any effect, nats
+    more: float = 3.65  # of each further one
+    several: float = 1.51  # of values of its own in several recordings
+    other: float = 1.1  # of something on no list
+    both: float = 6.79  # of that beside effects
 
 
 CONSTANTS = Constants()
