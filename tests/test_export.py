@@ -4,6 +4,7 @@ import ctypes
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from softnn.export.files import Options, export, stored_of, write
 from softnn.export.source import c_source
 from softnn.export.templates_of import FOLDER, blocks, identifier
 from softnn.fit import Piece
-from softnn.mismatch.model_file import Stored, from_dict
+from softnn.mismatch.model_file import Stored, read_model
 from softnn.models import (
     PLSLS,
     Burgers,
@@ -99,9 +100,7 @@ def base(branches_a_decade=2):
 
 def with_effects(*pieces, **more):
     own = tuple({k: {"r": p.values[k]} for k in p.effect.per_recording} for p in pieces)
-    return Stored(
-        *base(), pieces, own, more.get("needs", False), "virgin", **KEEP(more)
-    )
+    return Stored(*base(), pieces, own, more.get("needs", False), "fresh", **KEEP(more))
 
 
 def KEEP(more):
@@ -337,7 +336,7 @@ def card_model(**softening):
     pieces = (Piece(law, values, ()), piece(effect("slack")))
     own: tuple[dict, ...] = ({}, {"gap": {"r": 0.02}})
     stiffness = np.array([6.0, 5.0, 7.0, 0.8, 0.4])
-    return Stored(units, stiffness, pieces, own, False, "virgin")
+    return Stored(units, stiffness, pieces, own, False, "fresh")
 
 
 def rows_after(text, keyword):
@@ -411,7 +410,7 @@ def stored_file(path, name="pl-wiechert", **more):
     content = {
         "kind": "softnn-model",
         "version": 1,
-        "history": "virgin",
+        "history": "fresh",
         "base": {
             "name": name,
             "knots": list(units.knots),
@@ -438,9 +437,11 @@ EVIL = '*/ int main(void){return 1;} /* "\n#include </etc/passwd>\n?>\x00é'
 
 
 def test_a_hostile_name_gets_into_nothing(tmp_path):
-    model = from_dict(
-        json.loads(stored_file(tmp_path / "m.json", name=EVIL).read_text())
-    )
+    with pytest.raises(InputError, match="no base"):  # files are refused before
+        read_model(stored_file(tmp_path / "m.json", name=EVIL))
+    units, stiffness = base()
+    evil = replace(units, name=EVIL)
+    model = Stored(evil, stiffness, (), (), False, "fresh")
     for form, marks in (("c", ("/*", " *")), ("abaqus", "**"), ("ansys", "!")):
         for file, content in export(model, form, "../../" + EVIL).items():
             assert Path(file).name == file

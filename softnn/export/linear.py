@@ -36,4 +36,4 @@ def stored_of(model: Model, parameters: Parameters) -> Stored:
     slopes = np.diff(stress) / np.diff(ends)
     name = type(model).__name__.lower()
     units = Units(name, tuple(map(float, ends)), tuple(map(float, times)))
-    return Stored(units, np.concatenate([slopes, stiffness]), (), (), False, "virgin")
+    return Stored(units, np.concatenate([slopes, stiffness]), (), (), False, "fresh")

@@ -250,7 +250,11 @@ def simulate(arguments: argparse.Namespace) -> int:
     for line in _beyond(model, stems, chunks):
         print(f"softnn: {line}", file=sys.stderr)
     for file, chunk, s, m in zip(files, chunks, stress, measured, strict=True):
-        table = {"time_s": chunk.time_s, "strain": chunk.strain, "simulated_MPa": s}
+        table: dict[str, Any] = {
+            "time_s": chunk.time_s,
+            "strain": chunk.strain,
+            "simulated_MPa": s,
+        }
         if m is not None:
             table["stress_MPa"] = m.to_numpy(float)
         told = f"{file.stem}: {len(s)} samples"
@@ -294,7 +298,8 @@ def _beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[s
             f"{_some(far)}: strain beyond {low:.4g} to {high:.4g}, which the model "
             "was made from"
         )
-    own, inner = set(), model
+    own: set[str] = set()
+    inner: Any = model
     while isinstance(inner, Stored):
         own |= {n for piece in inner.own for values in piece.values() for n in values}
         inner = inner.simulation
