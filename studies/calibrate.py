@@ -9,6 +9,7 @@ studies/results/calibration.json, from where they are copied into the code by ha
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Sequence
 from concurrent.futures import as_completed
@@ -21,12 +22,14 @@ from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from softnn.contracts import InputError
 from softnn.mismatch import read_case
 from softnn.mismatch.accounts import search
 from softnn.mismatch.diagnosis import start
 from softnn.mismatch.posterior import CONSTANTS, Constants, probabilities, table
 from softnn.workers import workers
-from studies.common import RUNS, guarded, parser, write_result
+from studies.common import RUNS, guarded, parser, results_folder, write_result
+from studies.concealed.hands.forging import forge
 
 LEAST = -10.0  # log probability: a truth less likely than this is no lesson
 PULL = 0.01  # towards the constants before, in logarithms
@@ -97,9 +100,12 @@ def fitted(known: Sequence[dict[str, Any]], before: Constants) -> Constants:
 
 def run(folders: Sequence[Path], jobs: int, rng: np.random.Generator) -> dict[str, Any]:
     known = [one for folder in folders for one in lessons(folder, jobs)]
-    fold = rng.permutation(len(known)) % FOLDS
+    if len(known) < 2:
+        raise InputError(f"{len(known)} cases in these folders; at least 2 are needed")
+    folds = min(FOLDS, len(known))
+    fold = rng.permutation(len(known)) % folds
     unseen = np.full(len(known), np.nan)
-    for k in range(FOLDS):
+    for k in range(folds):
         at = fitted([o for o, f in zip(known, fold, strict=True) if f != k], CONSTANTS)
         for i in np.flatnonzero(fold == k):
             unseen[i] = log_probability(known[i], at)
@@ -122,15 +128,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     a = p.parse_args(argv)
 
     def go() -> None:
-        result = run(a.folders, a.jobs, np.random.default_rng(a.seed))
+        folders = a.folders
+        if a.smoke:
+            folders = [RUNS / "smoke" / "lessons"]
+            shutil.rmtree(folders[0], ignore_errors=True)
+            shutil.rmtree(RUNS / "calibrate" / "lessons", ignore_errors=True)
+            few = {"nulls": 1, "singles": 1, "pairs": 0, "aliens": 0}
+            forge(folders[0], seed=a.seed, side="development", **few)
+        result = run(folders, 1 if a.smoke else a.jobs, np.random.default_rng(a.seed))
         print(json.dumps(result, indent=1))
-        if not a.smoke:
-            write_result(
-                "calibration",
-                result["headline"],
-                {"constants": result["constants"]},
-                seed=a.seed,
-            )
+        write_result(
+            "calibration",
+            result["headline"],
+            {"constants": result["constants"]},
+            seed=a.seed,
+            folder=results_folder(a.smoke),
+        )
 
     return guarded(go)
 

@@ -153,7 +153,7 @@ def _worth(found: Sequence[Account]) -> list[Account]:
     return [
         a
         for a in found
-        if value(a) > best[a.effects] - ALIKE
+        if not value(a) < best[a.effects] - ALIKE  # the base stays, come what may
         and (len(a.effects) < 2 or value(a) > top - FAR)
     ]
 
