@@ -3,8 +3,9 @@ r"""Level, memory and grain of the noise of each recording, estimated from the d
 A window of samples is taken as a cubic in time plus noise of some memory. Level and
 memory are those of greatest restricted likelihood (Patterson and Thompson 1971,
 doi:10.1093/biomet/58.3.545), which allows for the noise that the cubic takes up. The
-memory is one of a table: first-order (of so many samples, or of so many seconds), or
-1/f-like, a sum of first-order parts with times a factor apart (Bernamont 1937). The
+memory is one of a table: first-order (of so many samples, or of so many seconds), the
+same beside white noise, or 1/f-like, a sum of first-order parts with times a factor
+apart (Bernamont 1937). The
 recordings share it as far as none contradicts it; each has a level of its own, shrunk
 towards that of all by how well its windows know it (James and Stein 1961). Windows in
 which something else happens (a reversal, a slip) are rougher than the rest and are left
@@ -28,12 +29,16 @@ DEGREE = 3
 DISAGREE = 8.0  # of log-likelihood, beyond which recordings are not of one memory
 CALM = 0.8  # of the windows of a recording: the others may hold a reversal
 USUAL = 1.5  # times the median roughness, which no reversal need explain
-PREFERRED = 3.0  # of log-likelihood, by which 1/f noise must be better
+PREFERRED = 3.0  # of log-likelihood, by which noise of several parts must be better
+COARSE = 0.5  # of the variance, from which rounding is most of it
 ROUGH = 2.5  # times the expected variance: no window of noise has as much
 PHI = np.concatenate([[0.0], 1 - np.geomspace(0.95, 0.008, 26)])
 PINK = (0.6, 0.8, 1.0, 1.2, 1.4)  # powers of 1/f
+SLOW = np.geomspace(8, 400, 8)  # samples: times of a first-order part beside white
+BESIDE = (0.15, 0.3, 0.5, 0.7, 0.85)  # its share of the variance
 PARTS = np.geomspace(0.7, 5000, 10)  # samples: times of the parts of 1/f noise
 LONGEST = 0.3  # of a recording, the longest part of 1/f noise that it has
+TAUS = np.concatenate([[0.05], -1 / np.log(PHI[1:])])  # samples: times of PHI
 GROWTH = np.concatenate([[0.0], np.geomspace(0.03, 300, 18)])  # of variance, at peak
 
 
@@ -111,6 +116,11 @@ def _whiteners(length: int) -> tuple[list[Array], Array, Array]:
         (w[:, None] * np.exp(-lag / tau[:, None])).sum(axis=0)
         for w, tau in map(_pink, PINK)
     ]
+    covariances += [
+        np.where(lag == 0, 1.0, share * np.exp(-lag / tau))
+        for share in BESIDE
+        for tau in SLOW
+    ]
     for covariance in covariances:
         low = cholesky(toeplitz(covariance), lower=True)
         q, r = np.linalg.qr(solve_triangular(low, trend, lower=True))
@@ -175,18 +185,16 @@ def _by_recording(windows: Windows, recordings: int) -> Array:
     return out
 
 
-def _in_seconds(like: Array, interval: Array) -> tuple[Array, Array]:
-    """Times, s, and the log-likelihood (times, recordings) of memory as long."""
-    times = np.concatenate(
-        [
-            [1e-9 * interval.min()],
-            np.geomspace(0.1 * interval.min(), 60 * interval.max(), 60),
-        ]
-    )
-    phi = np.exp(-interval / times[:, None])
-    out = np.empty(phi.shape)
-    for r in range(len(interval)):
-        out[:, r] = np.interp(phi[:, r], PHI, like[: len(PHI), r])
+def _in_seconds(like: Array, taus: Array, interval: Array) -> tuple[Array, Array]:
+    """Times, s, and the log-likelihood (times, recordings) of memory as long.
+
+    `like` (taus, recordings): of memories of so many samples.
+    """
+    low, high = taus[0] * interval.max(), taus[-1] * interval.max()
+    times = np.geomspace(min(low, taus[0] * interval.min()), high, 60)
+    out = np.empty((len(times), len(interval)))
+    for r, step in enumerate(interval):
+        out[:, r] = np.interp(np.log(times / step), np.log(taus), like[:, r])
     return times, out
 
 
@@ -206,31 +214,56 @@ def _shared(table: Array) -> tuple[int, float]:
 
 
 def _memory(
-    windows: Sequence[Windows], interval: Array, count: int
+    windows: Sequence[Windows], interval: Array, count: int, several: bool
 ) -> tuple[Array, list[tuple[tuple[float, float], ...]]]:
-    """Row of the table (recordings,), as a float, and first-order parts of each."""
+    """Row of the table (recordings,), as a float, and first-order parts of each.
+
+    `several`: whether it may have more than one part, the white one counted.
+    """
     like = _by_recording(windows[0], count)
     for longer in windows[1:]:
         by = _by_recording(longer, count)
         like = np.where((by != 0).any(axis=0), by, like)
-    samples, at_samples = _shared(like[: len(PHI)])
-    times, table = _in_seconds(like, interval)
-    second, at_second = _shared(table)
-    pink, at_pink = _shared(like[len(PHI) :])
-    if len(windows) > 1 and at_pink > max(at_samples, at_second) + PREFERRED:
-        weight, tau = _pink(PINK[pink])
-        parts = [tuple(zip(weight, tau * step, strict=True)) for step in interval]
-        return np.full(count, float(len(PHI) + pink)), parts
-    if at_second >= at_samples:
-        phi = np.exp(-interval / times[second])
-    else:
-        phi = np.full(count, PHI[samples])
+    first = len(PHI)
+    value, tau = _either(like[:first], TAUS, interval)
+    phi = np.exp(-1 / tau)
     phi = np.where(phi > 0.03, phi, 0.0)
-    parts = [
-        ((1.0, float(-step / np.log(p))),) if p > 0 else ()
-        for p, step in zip(phi, interval, strict=True)
+    rows = np.interp(phi, PHI, np.arange(first))
+    parts: list[tuple[tuple[float, float], ...]] = [
+        ((1.0, float(t * step)),) if p > 0 else ()
+        for p, t, step in zip(phi, tau, interval, strict=True)
     ]
-    return np.interp(phi, PHI, np.arange(len(PHI))), parts
+    if not several:
+        return rows, parts
+    value += PREFERRED
+    pink, at_pink = _shared(like[first : first + len(PINK)])
+    if at_pink > value:
+        weight, times = _pink(PINK[pink])
+        rows = np.full(count, float(first + pink))
+        parts = [tuple(zip(weight, times * step, strict=True)) for step in interval]
+        value = at_pink
+    first += len(PINK)
+    for share in BESIDE:
+        both, tau = _either(like[first : first + len(SLOW)], SLOW, interval)
+        if both > value:
+            at = np.interp(np.log(tau), np.log(SLOW), np.arange(len(SLOW)))
+            rows, value = first + at, both
+            parts = [
+                ((share, float(t * step)),)
+                for t, step in zip(tau, interval, strict=True)
+            ]
+        first += len(SLOW)
+    return rows, parts
+
+
+def _either(like: Array, taus: Array, interval: Array) -> tuple[float, Array]:
+    """Memory of as many samples, or of as many seconds: the likelier, in samples."""
+    samples, at_samples = _shared(like)
+    times, table = _in_seconds(like, taus, interval)
+    second, at_second = _shared(table)
+    if at_second >= at_samples:
+        return at_second, times[second] / interval
+    return at_samples, np.full(len(interval), taus[samples])
 
 
 # -- level -----------------------------------------------------------------------------
@@ -256,8 +289,11 @@ def estimate(
             _short(x, s, q) for x, s, q in zip(residuals, stresses, steps, strict=True)
         ]
     interval = np.array([_interval(t) for t in times])
-    rows, parts = _memory(windows, interval, len(times))
     first = windows[0]
+    # Rounding lasts while the stress stands still: that is no memory of the channel.
+    grain = np.array(steps)[first.whose] ** 2 / 12
+    several = len(windows) > 1 and np.median(grain / first.variance[0]) < COARSE
+    rows, parts = _memory(windows, interval, len(times), several)
     low = np.floor(rows).astype(int)[first.whose]
     share = rows[first.whose] - low
     column = np.arange(len(first.whose))
@@ -266,14 +302,14 @@ def estimate(
     variance += share * first.variance[high, column]
     floor2, growth, kept = _levels(variance, first, len(times))
     out = []
-    for r, (step, memory) in enumerate(zip(steps, parts, strict=True)):
+    for r, (step, whole) in enumerate(zip(steps, parts, strict=True)):
         grain = step**2 / 12
         # Parts that a recording is too short to show are not there.
-        memory = tuple((w, t) for w, t in memory if t < LONGEST * np.ptp(times[r]))
-        if len(memory) > 1:
-            total = sum(w for w, _ in memory)
-            memory = tuple((w / total, t) for w, t in memory)
-            floor2[r] *= total
+        memory = tuple((w, t) for w, t in whole if t < LONGEST * np.ptp(times[r]))
+        lost = sum(w for w, _ in whole) - sum(w for w, _ in memory)
+        if memory:
+            memory = tuple((w / (1 - lost), t) for w, t in memory)
+            floor2[r] *= 1 - lost
         plain = max(floor2[r] - grain, 0.1 * floor2[r])
         count = int((kept & (first.whose == r)).sum())
         out.append(

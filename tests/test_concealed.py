@@ -193,7 +193,7 @@ def test_the_noise_check_whitens_what_is_beyond_the_truth(tmp_path):
     assert found["white"] == found["all"]
     # White noise of one level: its mean square over the level is 1 within the estimate.
     assert found["white"]["q50"] == pytest.approx(1, abs=0.05)
-    assert found["white"]["of"] == 2
+    assert found["white"]["of"] == 1
     # Second route: the level alone.
     one = estimate([noise], [clean + noise], [time])[0]
     (direct,) = noise_check.whitened([noise], [clean], [time])

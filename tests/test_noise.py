@@ -89,6 +89,30 @@ def test_quantised_channel_is_recognised():
     assert found[0].sigma(np.zeros(1))[0] == pytest.approx(step / np.sqrt(12), rel=0.2)
 
 
+def test_slow_noise_beside_white_noise_is_recognised():
+    time = 0.02 * np.arange(2500)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        noise = [
+            drawn(rng, 2500, 0.006, np.exp(-1 / 60)) + 0.008 * rng.standard_normal(2500)
+            for _ in range(6)
+        ]
+        (found, *_) = estimate(noise, noise, [time] * 6)
+        # Share and time of the slow part are known together only; what a sample brings
+        # that is new is known: of the white part, hardly more.
+        ((share, tau),) = found.memory
+        keep = np.full((2500, 1), np.exp(-0.02 / tau))
+        first = np.arange(2500) == 0
+        shares, white = np.full((2500, 1), share), np.full(2500, 1 - share)
+        gain, scale = innovations(keep, shares, white, first)
+        sigma = np.full(2500, found.floor_MPa)
+        new = [
+            whitened(x[:, None], sigma, keep, gain, scale, first)[:, 0] for x in noise
+        ]
+        assert np.mean(np.square(new)) == pytest.approx(1, abs=0.03)
+        assert abs(np.mean([np.mean(x[1:] * x[:-1]) for x in new])) < 0.03
+
+
 def test_missing_values_and_ten_samples_are_allowed():
     rng = np.random.default_rng(5)
     t = np.arange(10.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -79,9 +79,32 @@ def search(base: Baseline) -> Search:
             if best.effects not in done:
                 done.add(best.effects)
                 found += _weighed(weigher, expand(engine, best.fit, pool, LATER))
+    found += _without(weigher, found)
     noise, accounts = _settled(base, weigher, found)
     base.fit = accounts[0].fit
     return Search(base, noise, accounts)
+
+
+def _without(weigher: Weigher, found: Sequence[Account]) -> list[Account]:
+    """The accounts with one effect less, where that set has not been tried.
+
+    What leads beside another may not lead alone, and what came first may be needless.
+    """
+    known = {a.effects for a in found}
+    out: list[Account] = []
+    queue = sorted(_worth(found), key=value, reverse=True)
+    for account in queue:  # grows by what is found
+        pieces = account.fit.guess.pieces
+        for i, piece in enumerate(pieces):
+            left = account.effects - {piece.effect.id}
+            if piece.nuisance or left in known:
+                continue
+            known.add(left)
+            guess = replace(account.fit.guess, pieces=pieces[:i] + pieces[i + 1 :])
+            fewer = fit(weigher.engine, guess, fixed_base=account.fit.fixed_base)
+            out += _weighed(weigher, [fewer])
+            queue.append(out[-1])
+    return out
 
 
 def _as_specimens(
