@@ -307,7 +307,7 @@ def estimate(
         # Parts that a recording is too short to show are not there.
         memory = tuple((w, t) for w, t in whole if t < LONGEST * np.ptp(times[r]))
         lost = sum(w for w, _ in whole) - sum(w for w, _ in memory)
-        if memory:
+        if lost < 1:
             memory = tuple((w / (1 - lost), t) for w, t in memory)
             floor2[r] *= 1 - lost
         plain = max(floor2[r] - grain, 0.1 * floor2[r])

@@ -97,7 +97,7 @@ def test_slow_noise_beside_white_noise_is_recognised():
             drawn(rng, 2500, 0.006, np.exp(-1 / 60)) + 0.008 * rng.standard_normal(2500)
             for _ in range(6)
         ]
-        (found, *_) = estimate(noise, noise, [time] * 6)
+        (found, *_) = estimate(noise, [np.sin(time)] * 6, [time] * 6)
         # Share and time of the slow part are known together only; what a sample brings
         # that is new is known: of the white part, hardly more.
         ((share, tau),) = found.memory
