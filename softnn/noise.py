@@ -245,7 +245,7 @@ def _memory(
     first += len(PINK)
     for share in BESIDE:
         both, tau = _either(like[first : first + len(SLOW)], SLOW, interval)
-        if both > value:
+        if both > value + DISAGREE:
             at = np.interp(np.log(tau), np.log(SLOW), np.arange(len(SLOW)))
             rows, value = first + at, both
             parts = [
