@@ -21,8 +21,7 @@ from softnn.mismatch.posterior import (
 )
 
 N = 400
-HAND = Constants(0.5, 1.0, 0.0, 40.0, 1.0, 2.0, 0.25, 3.0, 4.0)
-HALF = replace(HAND, doubt=0.25)
+HAND = Constants(2.0, 1.0, 4.0, 0.05, 1.0, 2.0, 0.25, 3.0, 4.0)
 
 
 def account(*names, alone=0.0, beside=0.0, numbers=0, own=False):
@@ -58,33 +57,32 @@ TABLE = np.array(
 COSTS = np.array([0.0, 3.0, 1.25, 10.0])
 
 
-def softmax(x):
-    return np.exp(x) / np.exp(x).sum()
-
-
 def test_probabilities_of_a_small_table():
-    gain = 0.5 * np.array([0.0, 20.0, 80.0, 70.0])
-    plain = softmax(gain - COSTS)
-    np.testing.assert_allclose(probabilities(TABLE, HAND), plain, atol=1e-12)
-    # The best gains 80, so in the coarse view each nat counts 1 / (1 + 80 / 40).
-    coarse = softmax(gain / 3 - COSTS)
-    mixed = 0.75 * plain + 0.25 * coarse
-    np.testing.assert_allclose(probabilities(TABLE, HALF), mixed, atol=1e-12)
+    # The best gains 80: an error of 4 + 0.05 x 80 = 8 nats, and the others are behind
+    # it by 80, 60, 0 and 10.
+    weight = np.exp(-COSTS) * np.array([11.0, 8.5, 1.0, 2.25]) ** -2
+    found = probabilities(TABLE, HAND)
+    np.testing.assert_allclose(found, weight / weight.sum(), atol=1e-12)
 
 
-def test_what_is_gained_without_end_says_no_more_than_a_limit_to_the_coarse_view():
-    coarse = replace(HAND, doubt=1.0)
+def odds(gain, constants=HAND):
+    """Log odds of an effect that gains so much over nothing."""
+    rows = np.zeros((2, 7))
+    rows[1, :3] = [gain, 0, 1]
+    nothing, effect_ = probabilities(rows, constants)
+    return np.log(effect_ / nothing)
 
-    def odds(gain, constants):
-        rows = np.zeros((2, 7))
-        rows[1, :3] = [gain, 0, 1]
-        nothing, effect_ = probabilities(rows, constants)
-        return np.log(effect_ / nothing)
 
-    assert odds(1e12, coarse) == pytest.approx(0.5 * 40 - 1, rel=1e-6)
-    assert odds(20.0, HAND) == pytest.approx(0.5 * 20 - 1)
+def test_what_is_gained_without_end_says_no_more_than_a_limit():
+    assert odds(1e12) == pytest.approx(2 * np.log(1 + 1 / 0.05) - 1, rel=1e-6)
     # And what gains nothing costs what it costs.
-    assert odds(0.0, coarse) == pytest.approx(-1.0)
+    assert odds(0.0) == pytest.approx(-1.0)
+
+
+def test_a_small_gain_counts_as_its_likelihood_to_a_power():
+    # An error large beside the gain, of a tail as thin: the odds are the evidence's.
+    thin = replace(HAND, tail=1e6, error=1e6, share=0.0)
+    assert odds(7.0, thin) == pytest.approx(7.0 - 1.0, rel=1e-4)
 
 
 def test_probabilities_are_those_of_the_weights_and_sum_to_one():
@@ -115,10 +113,10 @@ def test_probabilities_are_those_of_the_weights_and_sum_to_one():
 
 def test_all_alike_are_alike_and_evidence_beyond_floats_is_no_trouble():
     same = [account(alone=1.0, beside=1.0), account("slack", alone=1.0, beside=1.0)]
-    free = Constants(0.5, 1.0, 0.0, 40.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    free = Constants(2.0, 1.0, 4.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0)
     np.testing.assert_allclose(posterior(same, free).probability, 0.25)
     far = [account(), account("slack", alone=1e8, beside=1e8)]
-    sharp = Constants(0.5, 1.0, 0.5, 1e15, 1.0, 0.0, 0.0, 3.0, 4.0)
+    sharp = replace(HAND, share=0.0)
     assert np.isfinite(posterior(far, sharp).probability).all()
     assert posterior(far, sharp).effects["slack"] == pytest.approx(1.0)
 

@@ -34,6 +34,7 @@ SCATTER = (0.0, 0.01, 0.02, 0.04)  # of the stress, between specimens
 GRIDS = (FORM, ELSE, ELSE, ELSE, SCATTER)  # bends, three kinds of discrepancy, scatter
 FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
+EXACT = 0.88  # prior probability that laws are as they stand, and all there is
 UNSAID = 1.6  # log odds against specimens that nobody wrote down: one case in six
 ELSE_PRIOR = 0.001  # of a, beside effects that are meant to be all there is
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
@@ -46,8 +47,8 @@ SEED = 1
 class Evidence:
     """Logarithms of marginal likelihoods, without the prior of the set.
 
-    `bare`: of the laws as they stand; `alone`: with the form error, and a discrepancy
-    that is slight; `beside`: with something else of any size. `form`, `discrepancy`,
+    `bare`: of the laws as they stand; `alone`: either so, or with the form error and a
+    discrepancy that is slight; `beside`: with something else of any size. `form`, `discrepancy`,
     `beside_size` and `scatter` are the scales of these at their best.
     """
 
@@ -130,9 +131,10 @@ class Weigher:
         if whole:
             at, beside = climb(lambda s: value(s, True), place, moved)
         law = [0] * (len(GRIDS) - 1) + place[-1:]
+        bare = value([g[i] for g, i in zip(GRIDS, law, strict=True)], False)
         return Evidence(
-            value([g[i] for g, i in zip(GRIDS, law, strict=True)], False),
-            alone,
+            bare,
+            float(np.logaddexp(bare + np.log(EXACT), alone + np.log1p(-EXACT))),
             beside,
             GRIDS[0][place[0]],
             max(g[i] for g, i in zip(GRIDS[1:-1], place[1:-1], strict=True)),

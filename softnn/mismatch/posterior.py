@@ -1,18 +1,18 @@
 r"""One posterior over all that was tried: which effects, if any, and what else.
 
 A hypothesis is a set of effects, alone or beside something that is on no list; the
-empty set alone is *nothing is missing*. Its value is its log evidence less `number`
-log n / 2 for each number of its own. Every law is only nearly right; how far a value
-may be trusted is not known, so two views are mixed:
+empty set alone is *nothing is missing*. Its value v is its log evidence less `number`
+log n / 2 for each number of its own. Every law is only nearly right, so that a value is
+wrong by an error with heavy tails, and by more where there is more to explain:
 
-.. math:: P(S) \propto (1 - m)\, e^{c\,v(S) - \pi(S)}
-          + m\, e^{c\,v(S) / T - \pi(S)}, \quad T = 1 + G / G_0
+.. math:: P(S) \propto e^{-\pi(S)} \left(1 + \frac{v_{max} - v(S)}{s + r\,G}\right)^{-k}
 
-each normalised. In the second a likelihood says less the more there is to explain (G is
-what the best gains), as it does where laws err in proportion to what they explain
-(Miller and Dunson 2019, doi:10.1080/01621459.2018.1469995). The constants are fitted by
-maximum likelihood to development cases (`studies.calibrate`). Names, verdict and
-equivalents are all read off these probabilities.
+with G what the best hypothesis gains over nothing. For small differences it is the
+likelihood to a power k / (s + r G), less the more is explained (Miller and Dunson 2019,
+doi:10.1080/01621459.2018.1469995); for large ones it grows as a power only, as odds do
+under an error of Student's kind. The constants are fitted by maximum likelihood to
+development cases (`studies.calibrate`). Names, verdict and equivalents are all read off
+these probabilities.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    power: float = 0.535  # c
-    number: float = 0.7  # of (log n) / 2, the price of a number
-    doubt: float = 0.381  # m, the share of the coarse view
-    coarse: float = 17.3  # G_0, nats
-    first: float = 3.98  # cost of any effect, nats
-    more: float = 3.65  # of each further one
-    several: float = 1.51  # of values of its own in several recordings
-    other: float = 1.1  # of something on no list
-    both: float = 6.79  # of that beside effects
+    tail: float = 2.98  # k
+    number: float = 0.592  # of (log n) / 2, the price of a number
+    error: float = 1.61  # s, nats
+    share: float = 0.0162  # r, of what the best gains
+    first: float = 3.87  # cost of any effect, nats
+    more: float = 3.0  # of each further one
+    several: float = 0.954  # of values of its own in several recordings
+    other: float = 2.57  # of something on no list
+    both: float = 7.48  # of that beside effects
 
 
 CONSTANTS = Constants()
@@ -88,15 +88,12 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
     """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
     k = constants
     gain = table[:, 0] - k.number * table[:, 1]
-    gain = gain - gain[0]
+    best = float(gain.max())
+    behind = (best - gain) / (k.error + k.share * (best - float(gain[0])))
     costs = np.array([k.first, k.more, k.several, k.other, k.both])
-    coarse = 1 + max(float(gain.max()), 0.0) / k.coarse
-    out = np.zeros(len(table))
-    for share, view in ((1 - k.doubt, gain), (k.doubt, gain / coarse)):
-        log = k.power * view - table[:, 2:] @ costs
-        weight = np.exp(log - log.max())
-        out += share * weight / weight.sum()
-    return out
+    log = -k.tail * np.log1p(behind) - table[:, 2:] @ costs
+    weight = np.exp(log - log.max())
+    return np.asarray(weight / weight.sum())
 
 
 @dataclass(frozen=True)
