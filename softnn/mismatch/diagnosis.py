@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Engine, Fit, Piece, fit
-from softnn.mismatch import locate, own_units, verify, words
+from softnn.mismatch import locate, own_units, untaught, verify, words
 from softnn.mismatch.accounts import Search, search
 from softnn.mismatch.base import Baseline, baseline, beyond, given, weigh_by
 from softnn.mismatch.case import (
@@ -146,10 +146,13 @@ def _diagnose(
         raise InputError(f"seed is {seed}; allowed is a whole number from 0")
     rng = np.random.default_rng(seed)
     chosen = model if model is not None else case.model
-    source = None
+    source, whole, never = None, case, list[untaught.Stretch]()
     if chosen is not None and not isinstance(chosen, str):
         source = chosen.source
-        case = replace(_simulated_by(case, chosen), model=None)
+        case = whole = replace(_simulated_by(case, chosen), model=None)
+        if not isinstance(chosen, Stored):  # a network knows what it was shown
+            never = untaught.stretches(case, chosen.known)
+            case = untaught.taught(case, never)
         chosen = None
     elif chosen is not None:
         check_model(chosen)
@@ -162,6 +165,7 @@ def _diagnose(
     if told.verdict == "unexplained":
         learned = learn(base.engine, base.fit, rng)
     result = _result(own, axes, told, full, learned, rng)
+    untaught.tell(result, whole, never)
     result["seconds"] = round(time.perf_counter() - clock, 3)
     names = [r.name for r in case.recordings]
     corrected = full.after if told.names else full.before
@@ -172,16 +176,42 @@ def _diagnose(
         return own_units.labelled(model, axes)
 
     x, y, engine = axes.strain.one, axes.stress.one, full.engine
+    after, before = stored(corrected, extra), stored(full.before)
+    if never:
+        return _of_whole(whole, result, after, before)
     return Diagnosis(
         own,
         result,
-        stored(corrected, extra),
-        stored(full.before),
+        after,
+        before,
         [c.time_s for c in engine.data.chunks],
         own_units.back([c.strain for c in engine.data.chunks], x),
         own_units.back(list(engine.data.stress_MPa), y),
         own_units.back(engine.by_recording(full.before.stress), y),
         own_units.back(engine.by_recording(corrected.stress), y),
+    )
+
+
+def _of_whole(
+    case: Case, result: dict[str, Any], after: dict[str, Any], before: dict[str, Any]
+) -> Diagnosis:
+    """A diagnosis made on part of a case, shown on all of it."""
+    data = to_data(usable(case, REPORT))
+
+    def stress(model: dict[str, Any]) -> list[Array]:
+        given_ = list(data.simulated_MPa or [None] * len(data.chunks))
+        return from_dict(model).stress(data.names, data.chunks, given_)
+
+    return Diagnosis(
+        case,
+        result,
+        after,
+        before,
+        [c.time_s for c in data.chunks],
+        [c.strain for c in data.chunks],
+        list(data.stress_MPa),
+        stress(before),
+        stress(after),
     )
 
 
