@@ -290,6 +290,7 @@ def _beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[s
     lines = []
     axis = model.axes.strain
     low, high = (axis.one * model.units.knots[i] for i in (0, -1))
+    unit = f" {axis.unit}" if model.axes.component else ""
     slack = SLACK * (high - low)
     far = [
         name
@@ -298,8 +299,8 @@ def _beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[s
     ]
     if far:
         lines.append(
-            f"{_some(far)}: {axis.label} beyond {low:.4g} to {high:.4g}, which the "
-            "model was made from"
+            f"{_some(far)}: {axis.name} beyond {low:.4g} to {high:.4g}{unit}, which "
+            "the model was made from"
         )
     own: set[str] = set()
     inner: Any = model
