@@ -318,7 +318,11 @@ SETS: dict[str, About] = {
         group=r"^(air|\d+)_",
         hold=("rate",),
         specimens=False,
-        tests=("compression ramp, 60 s hold, return", "same stroke without a specimen"),
+        tests=(
+            "compression ramp, 60 s hold, return",
+            "compression ramp, 10 s hold, return",
+            "same stroke without a specimen",
+        ),
         kinds=(
             (
                 "air",
