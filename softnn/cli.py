@@ -134,14 +134,19 @@ def _run_read(arguments: argparse.Namespace) -> int:
 def describe(recording: Recording) -> str:
     """What was understood of a recording: facts, columns, notes, a small plot."""
     strain, stress = recording.strain, recording.stress_MPa
+    axes = recording.axes
     facts = {
         "specimen": recording.specimen,
         "material": recording.material,
         "rows": f"{len(recording)}",
         "duration": f"{recording.time_s[-1] - recording.time_s[0]:.6g} s",
-        "rate": f"{recording.rate_per_s:.4g} 1/s" if recording.rate_per_s else "",
-        "strain": f"{np.nanmin(strain):.4g} to {np.nanmax(strain):.4g}",
-        "stress": f"{np.nanmin(stress):.4g} to {np.nanmax(stress):.4g} MPa",
+        "rate": f"{recording.rate_per_s:.4g} {axes.rate}"
+        if recording.rate_per_s
+        else "",
+        axes.strain.name: f"{np.nanmin(strain):.4g} to {np.nanmax(strain):.4g}"
+        + (f" {axes.strain.unit}" if axes.component else ""),
+        axes.stress.name: f"{np.nanmin(stress):.4g} to {np.nanmax(stress):.4g} "
+        f"{axes.stress.unit}",
         "geometry": ", ".join(
             f"{f.name.rsplit('_', 1)[0]} {getattr(recording.geometry, f.name):.6g} "
             f"{f.name.rsplit('_', 1)[1]}"
@@ -235,9 +240,13 @@ def _draw(recording: Recording, path: Path) -> None:
     figure = Figure(figsize=(8, 3), layout="constrained")
     left, right = figure.subplots(1, 2)
     left.plot(recording.strain, recording.stress_MPa, linewidth=1, color="tab:blue")
-    left.set(xlabel="Strain [-]", ylabel="Stress [MPa]")
+    strain, stress = (
+        a.label.capitalize() if a.unit == "-" else f"{a.name.capitalize()} [{a.unit}]"
+        for a in (recording.axes.strain, recording.axes.stress)
+    )
+    left.set(xlabel=strain, ylabel=stress)
     right.plot(recording.time_s, recording.strain, linewidth=1, color="tab:grey")
-    right.set(xlabel="Time [s]", ylabel="Strain [-]")
+    right.set(xlabel="Time [s]", ylabel=strain)
     for axes in (left, right):
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)

@@ -62,6 +62,7 @@ class Parameter:
     default: float
     scale: Literal["linear", "log"] = "linear"
     meaning: str = ""
+    per_strain: int = 0  # power of strain it is divided by: -1 is a strain itself
 
     def check(self, value: ArrayLike) -> None:
         """Raise `InputError` unless every entry of `value` is within [low, high]."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from softnn.axes import COMPONENTS, SPECIMEN, Axes, axes_of
 from softnn.contracts import Array, InputError
 
 if TYPE_CHECKING:
@@ -61,6 +63,8 @@ class Recording:
     strain [-] and stress_MPa [MPa] are engineering values, compression negative, and
     may hold NaN where a value is missing. `rate_per_s` is the nominal strain rate
     [1/s] of the test's loading; `log` lists what was done since the file was read.
+    Of a component `axes` says what stands in place of strain and stress, and in which
+    units: force in N over elongation in mm, say.
 
     >>> import numpy as np
     >>> r = Recording(np.arange(3.0), np.array([0, 0.1, 0.2]), np.array([0, 0.3, 0.5]))
@@ -82,6 +86,7 @@ class Recording:
     geometry: Geometry = Geometry()
     source: str = ""
     log: tuple[Step, ...] = ()
+    axes: Axes = SPECIMEN
 
     def __post_init__(self) -> None:
         for column in COLUMNS:
@@ -91,10 +96,7 @@ class Recording:
             array = np.array(values, dtype=float)  # a copy: nobody else can change it
             array.setflags(write=False)
             object.__setattr__(self, column, array)
-        check_columns(
-            {c: getattr(self, c) for c in COLUMNS if getattr(self, c) is not None},
-            self.source or self.name or None,
-        )
+        check_columns(self.columns, self.source or self.name or None)
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame, **about: Any) -> Recording:
@@ -110,17 +112,9 @@ class Recording:
         """
         import pandas as pd
 
-        channels = {}
-        for column in COLUMNS:
-            if column not in frame.columns:
-                if column in REQUIRED:
-                    raise InputError(
-                        f"no such column; it has {[str(c) for c in frame.columns]}, "
-                        f"needed: {','.join(REQUIRED)}",
-                        file=about.get("name"),
-                        column=column,
-                    )
-                continue
+        axes, columns = columns_of([str(c) for c in frame.columns], about.get("name"))
+        channels: dict[str, Any] = {"axes": axes}
+        for channel, column in columns.items():
             values = pd.to_numeric(frame[column], errors="coerce")
             text = (values.isna() & frame[column].notna()).to_numpy()
             if text.any():
@@ -130,7 +124,7 @@ class Recording:
                     file=about.get("name"),
                     column=column,
                 )
-            channels[column] = values.to_numpy(float)
+            channels[channel] = values.to_numpy(float)
         return cls(**channels, **about)
 
     def to_frame(self) -> pd.DataFrame:
@@ -145,6 +139,11 @@ class Recording:
     @property
     def columns(self) -> dict[str, Array]:
         """The channels this recording has, by column name, in a fixed order."""
+        own = dict(zip(REQUIRED, self.axes.columns, strict=True))
+        return {own.get(c, c): values for c, values in self._channels.items()}
+
+    @property
+    def _channels(self) -> dict[str, Array]:
         return {c: getattr(self, c) for c in COLUMNS if getattr(self, c) is not None}
 
     def with_step(
@@ -156,7 +155,7 @@ class Recording:
 
     def take(self, index: slice | np.ndarray) -> Recording:
         """The samples at `index`, every channel; not logged, the caller does that."""
-        channels: dict[str, Any] = {c: v[index] for c, v in self.columns.items()}
+        channels: dict[str, Any] = {c: v[index] for c, v in self._channels.items()}
         return replace(self, **channels)
 
 
@@ -171,10 +170,35 @@ COLUMNS = (
 REQUIRED = COLUMNS[:3]
 
 
+def columns_of(
+    given: Sequence[str], file: str | Path | None = None, row: int | None = None
+) -> tuple[Axes, dict[str, str]]:
+    """The axes of a table with these columns; its column of each channel that it has.
+
+    Raises `InputError` for one without time or without both of any axes.
+    """
+    axes = axes_of(given)
+    wanted = (axes or SPECIMEN).columns
+    absent = [c for c in wanted if c not in given]
+    if absent:
+        others = " or ".join(",".join(a.columns[1:]) for a in COMPONENTS)
+        raise InputError(
+            f"no such column; it has {', '.join(map(repr, given)) or 'none'}. Needed: "
+            f"{','.join(REQUIRED)}; of a component, in place of the last two, {others}",
+            file=file,
+            row=row,
+            column=absent[0],
+        )
+    assert axes is not None
+    found = dict(zip(REQUIRED, wanted, strict=True))
+    more = [c for c in COLUMNS[3:] if c in given and c not in wanted]
+    return axes, found | {c: c for c in more}
+
+
 def check_columns(
     columns: dict[str, Array], file: str | None = None, first_row: int | None = None
 ) -> None:
-    """Raise `InputError` for channels that cannot be a recording.
+    """Raise `InputError` for channels that cannot be a recording, its axes first.
 
     `first_row` is the line of the file that holds sample 0, so that the message can
     name a row; None names the sample instead.
@@ -186,7 +210,7 @@ def check_columns(
         row = sample + first_row if sample is not None and first_row else None
         raise InputError(message, file=file, row=row, column=column)
 
-    time = columns["time_s"]
+    time, needed = columns["time_s"], list(columns)[:3]
     if len(time) == 0:
         raise InputError("no rows; at least two samples are needed", file=file)
     if len(time) == 1:
@@ -201,7 +225,7 @@ def check_columns(
         infinite = np.isinf(values)
         if infinite.any():
             fail("infinite value; allowed is a number", int(infinite.argmax()), name)
-        if name in REQUIRED and np.isnan(values).all():
+        if name in needed and np.isnan(values).all():
             fail("holds no number at all; check the export", None, name)
     missing = np.isnan(time)
     if missing.any():

@@ -108,7 +108,7 @@ def _recordings(found: Any) -> Any:
             axis.plot(time[s], found.after[i][s], color=GOOD, lw=1, label="after")
         axis.set_title(_plain(names[i]), fontsize=9)
         axis.set_xlabel("time [s]", fontsize=8)
-        axis.set_ylabel("stress [MPa]", fontsize=8)
+        axis.set_ylabel(found.axes.stress.label, fontsize=8)
     for axis in list(axes.flat)[count:]:
         axis.set_visible(False)
     handles, labels = axes.flat[0].get_legend_handles_labels()
@@ -142,13 +142,14 @@ def _residuals(found: Any) -> Any:
             for axis, x in zip(axes[row], (time - time[0], strain, rate), strict=True):
                 axis.plot(x[s], miss[s], ".", ms=1.5, color=colour, alpha=0.5)
             top = max(top, float(np.nanquantile(np.abs(miss), 0.999)))
-        axes[row, 0].set_ylabel(f"measured - {label} [MPa]", fontsize=8)
+        axes[row, 0].set_ylabel(
+            f"measured - {label} [{found.axes.stress.unit}]", fontsize=8
+        )
     for axis in axes.flat:
         axis.axhline(0, color=INK, lw=0.5)
         axis.set_ylim(-1.1 * top, 1.1 * top)
-    for axis, label in zip(
-        axes[1 if changed else 0], ("time [s]", "strain [-]", "rate [1/s]"), strict=True
-    ):
+    labels = "time [s]", found.axes.strain.label, f"rate [{found.axes.rate}]"
+    for axis, label in zip(axes[1 if changed else 0], labels, strict=True):
         axis.set_xlabel(label, fontsize=8)
     for axis in axes[:, 2]:
         axis.set_xscale("symlog", linthresh=1e-3)

@@ -13,6 +13,7 @@ PACKAGE = ROOT / "softnn"
 # A module imports only what stands on a line above it; siblings do not know each other.
 ORDER = (
     ("contracts",),
+    ("axes",),
     ("recording", "metrics", "materials", "noise", "bounded", "workers"),
     ("readers", "prepare", "virtual", "models", "effects", "neural"),
     ("properties", "simulate"),

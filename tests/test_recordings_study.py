@@ -84,6 +84,41 @@ def test_made_errors_of_the_channel_have_their_sizes():
     )
 
 
+def test_a_section_typed_wrong_is_one_specimen_among_its_siblings():
+    five = tuple(triangle(name=str(i)) for i in range(5))
+    fault = faults.FAULTS["section"]
+    made = faults.faulty(Case("c", five), fault, 1.0, np.random.default_rng(0))
+    ratios = [r.stress_MPa.max() / five[0].stress_MPa.max() for r in made.recordings]
+    assert sorted(ratios) == pytest.approx([1, 1, 1, 1, 2])
+    assert fault.shows(five, specimens=True)
+    assert not fault.shows(five, specimens=False)  # one specimen has one section
+    assert not fault.shows(five[:3], specimens=True)
+
+
+def test_drying_makes_a_held_stress_rise():
+    time = np.linspace(0, 50, 501)
+    strain = np.interp(time, [0, 1], [0, 0.5])
+    held = Recording(time, strain, STIFFNESS * strain, name="held")
+    made = faults.drying(held, 1.0, 1.0).stress_MPa
+    after = time > 1
+    assert (np.diff(made[after]) > 0).all()
+    assert made[-1] == pytest.approx(1.25 * held.stress_MPa[-1])
+    assert faults.FAULTS["drying"].shows([held], specimens=False)
+    assert not faults.FAULTS["drying"].shows([triangle()], specimens=False)
+
+
+def test_what_is_on_no_list_is_found_where_nothing_new_is_named():
+    dry = {"fault": "drying", "expected": faults.UNLISTED}
+    rows = [
+        Row("s", "g", "fault", "b", selected=["slack"]),
+        Row("s", "g", "fault", "b", **dry, selected=["slack"]),
+        Row("s", "g", "fault", "b", **dry, selected=["slack", "load_cell_drift"]),
+    ]
+    scores = fault_scores(rows)
+    assert [c["found"] for c in scores["copies"]] == [True, False]
+    assert scores["with_a_false_name"]["rate"] == 0.5
+
+
 def test_faults_sit_in_their_share_and_the_original_stays():
     case = Case("c", tuple(triangle(name=str(i)) for i in range(6)))
     rng = np.random.default_rng(0)
@@ -287,13 +322,14 @@ def test_sets_cite_their_sources():
     for name, about in sets.SETS.items():
         for _, material in about.kinds:
             assert material.says, name
-            assert all("doi:" in s or "arXiv:" in s for s in material.sources), name
+            kinds = ("doi:", "arXiv:", "github.com/")
+            assert all(any(k in s for k in kinds) for s in material.sources), name
             known = {e for any_ in material.contains for e in any_} | {*material.absent}
             for each in known:
                 assert effect(each)
 
 
-def test_a_device_is_read_as_stress_over_strain_about_its_middle(tmp_path):
+def test_a_device_is_read_as_force_about_its_middle(tmp_path):
     time = np.arange(0, 40, 0.1)
     x = 10 * (1 - np.cos(time / 4))
     force = 50 + 8 * np.sign(np.gradient(x))  # air, and friction of 8 N
@@ -305,8 +341,9 @@ def test_a_device_is_read_as_stress_over_strain_about_its_middle(tmp_path):
         "file,material,test,specimen\na.csv,seal,cyclic,1\n"
     )
     (read,) = sets.read_device(tmp_path, {})
-    assert np.abs(read.stress_MPa[1:-1]).max() == pytest.approx(0.08)
-    assert read.strain.max() == pytest.approx(0.2, rel=1e-3)
+    assert read.axes.columns == ("time_s", "elongation_mm", "force_N")
+    assert np.abs(read.stress_MPa[1:-1]).max() == pytest.approx(8.0)  # N
+    assert read.strain.max() == pytest.approx(20.0, rel=1e-3)  # mm
 
 
 # --- the command ----------------------------------------------------------------------

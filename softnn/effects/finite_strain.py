@@ -89,7 +89,7 @@ class StretchedBranches(FiniteStrain):
     """
 
     parameters = FiniteStrain.parameters + (
-        Parameter("modulus_MPa", "MPa", 1e-6, 1e6, 1.0, "log", "G, of all branches"),
+        Parameter("modulus_MPa", "MPa", 1e-6, 1e6, 1.0, "log", "G, of all branches", 1),
     )
     shape = ("section", "modulus_MPa")
 

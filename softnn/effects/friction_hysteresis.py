@@ -35,9 +35,19 @@ class FrictionHysteresis(Effect):
     ports = ("equilibrium",)
     parameters: tuple[Parameter, ...] = (
         Parameter("friction_MPa", "MPa", 0.0, 1e4, 0.05, meaning="F"),
-        Parameter("presliding", "-", 1e-5, 0.15, 0.02, "log", "r, strain to full slip"),
+        Parameter(
+            "presliding", "-", 1e-5, 0.15, 0.02, "log", "r, strain to full slip", -1
+        ),
         Parameter("spread", "-", 0.05, 4.0, 0.3, "log", "octaves over which r spreads"),
-        Parameter("growth", "-", -1.0, 50.0, 0.0, meaning="beta, per unit of strain"),
+        Parameter(
+            "growth",
+            "-",
+            -1.0,
+            50.0,
+            0.0,
+            meaning="beta, per unit of strain",
+            per_strain=1,
+        ),
     )
     off: Mapping[str, float] = {"friction_MPa": 0.0}
     amplitude = "friction_MPa"

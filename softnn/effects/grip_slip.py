@@ -43,7 +43,7 @@ class GripSlip(Effect):
     stage = "rig"
     ports = ("strain", "branch_strain")
     parameters = (
-        Parameter("slip", "-", -0.5, 0.5, 0.05, meaning="strain lost"),
+        Parameter("slip", "-", -0.5, 0.5, 0.05, meaning="strain lost", per_strain=-1),
         Parameter("moment_s", "s", 0.0, 1e7, 1.0, meaning="since the recording began"),
         Parameter("duration_s", "s", 1e-3, 1e5, 0.5, "log", meaning="of the slip"),
     )

@@ -25,7 +25,15 @@ class Inertia(Effect):
     stage = "sensor"
     ports = ("stress",)
     parameters: tuple[Parameter, ...] = (
-        Parameter("mass", "MPa s2", -10.0, 1e3, 1e-3, meaning="mass x length / area"),
+        Parameter(
+            "mass",
+            "MPa s2",
+            -10.0,
+            1e3,
+            1e-3,
+            meaning="mass x length / area",
+            per_strain=1,
+        ),
     )
     off = {"mass": 0.0}
     bends = ("lag",)

@@ -38,7 +38,9 @@ class MullinsSoftening(Effect):
     ports = ("equilibrium", "branches")
     parameters: tuple[Parameter, ...] = (
         Parameter("depth", "-", 0.0, 1.0, 0.4, meaning="d, loss of stiffness at most"),
-        Parameter("scale", "-", 1e-3, 10.0, 0.1, "log", "c, strain of full softening"),
+        Parameter(
+            "scale", "-", 1e-3, 10.0, 0.1, "log", "c, strain of full softening", -1
+        ),
         Parameter("sharpness", "-", 0.02, 10.0, 0.7, "log", "s, how late it comes"),
         Parameter("viscous_share", "-", 0.0, 1.0, 1.0, meaning="v, of the branches"),
         Parameter("power", "-", 0.5, 4.0, 2.0, "log", "q, energy over strain"),

@@ -30,7 +30,7 @@ class NonlinearElasticity(Effect):
         Parameter("stiffening_MPa", "MPa", -1e4, 1e4, 0.1, meaning="S, at strain 1"),
         Parameter("exponent", "-", 1.3, 12.0, 3.0, "log", "p of the power term"),
         Parameter("foot_MPa", "MPa", -1e4, 1e4, 0.0, meaning="F, far beyond the foot"),
-        Parameter("foot_width", "-", 1e-3, 3.0, 0.1, "log", "c, as strain"),
+        Parameter("foot_width", "-", 1e-3, 3.0, 0.1, "log", "c, as strain", -1),
     )
     off = {"stiffening_MPa": 0.0, "foot_MPa": 0.0}
     part_of = ("pl-sls", "pl-wiechert")

@@ -31,10 +31,10 @@ class NonlinearViscosity(Effect):
     stage = "material"
     ports = ("branches",)
     parameters: tuple[Parameter, ...] = (
-        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E"),
+        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E", per_strain=1),
         Parameter("time_s", "s", 1e-3, 1e9, 100.0, "log", "tau"),
         Parameter(
-            "threshold", "-", 1e-5, 10.0, 0.03, "log", "g0, strain of the spring"
+            "threshold", "-", 1e-5, 10.0, 0.03, "log", "g0, strain of the spring", -1
         ),
     )
     off = {"stiffness_MPa": 0.0}

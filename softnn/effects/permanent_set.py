@@ -39,7 +39,15 @@ class PermanentSet(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("ratio", "-", 0.0, 0.95, 0.1, meaning="set over largest strain at 1"),
         Parameter("exponent", "-", 0.2, 5.0, 1.0, "log", "growth of the set"),
-        Parameter("yield_strain", "-", 0.0, 2.0, 0.0, meaning="where the set begins"),
+        Parameter(
+            "yield_strain",
+            "-",
+            0.0,
+            2.0,
+            0.0,
+            meaning="where the set begins",
+            per_strain=-1,
+        ),
         Parameter("on_return", "-", 0.0, 3.0, 0.0, meaning="r, how late it shows"),
         Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="b, loss when slack"),
         Parameter("viscous_share", "-", 0.0, 1.0, 1.0, meaning="v, of the branches"),
@@ -144,8 +152,8 @@ class PlasticElement(PermanentSet):
 
     ports = ("equilibrium",)
     parameters = (
-        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E"),
-        Parameter("yield_strain", "-", 0.1, 10.0, 0.3, "log", "y, of the spring"),
+        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E", per_strain=1),
+        Parameter("yield_strain", "-", 0.1, 10.0, 0.3, "log", "y, of the spring", -1),
         Parameter("sharpness", "-", 3.0, 60.0, 12.0, "log", "n, of the yield"),
     )
     off = {"stiffness_MPa": 0.0}

@@ -26,7 +26,7 @@ class RelaxationBranch(Effect):
     stage = "material"
     ports = ("branches",)
     parameters: tuple[Parameter, ...] = (
-        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.3, meaning="E"),
+        Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.3, meaning="E", per_strain=1),
         Parameter("relaxation_time_s", "s", 1e-4, 1e7, 3.0, "log", "tau"),
     )
     off = {"stiffness_MPa": 0.0}

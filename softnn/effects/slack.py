@@ -46,7 +46,15 @@ class Slack(Effect):
     stage = "rig"
     ports = ("strain", "branch_strain")
     parameters = (
-        Parameter("gap", "-", 0.0, 0.5, 0.03, meaning="strain taken up by slack"),
+        Parameter(
+            "gap",
+            "-",
+            0.0,
+            0.5,
+            0.03,
+            meaning="strain taken up by slack",
+            per_strain=-1,
+        ),
         Parameter("toe", "-", 0.0, 3.0, 0.0, meaning="width of the foot over the gap"),
     )
     off = {"gap": 0.0}

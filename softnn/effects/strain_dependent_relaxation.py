@@ -26,8 +26,24 @@ class StrainDependentRelaxation(Effect):
     stage = "material"
     ports = ("branches",)
     parameters: tuple[Parameter, ...] = (
-        Parameter("growth", "-", -20.0, 50.0, 1.0, meaning="a, per unit of strain"),
-        Parameter("curvature", "-", -50.0, 100.0, 0.0, meaning="b, per strain squared"),
+        Parameter(
+            "growth",
+            "-",
+            -20.0,
+            50.0,
+            1.0,
+            meaning="a, per unit of strain",
+            per_strain=1,
+        ),
+        Parameter(
+            "curvature",
+            "-",
+            -50.0,
+            100.0,
+            0.0,
+            meaning="b, per strain squared",
+            per_strain=2,
+        ),
     )
     off: Mapping[str, float] = {"growth": 0.0, "curvature": 0.0}
     amplitude = "growth"
@@ -93,7 +109,15 @@ class StrainClock(StrainDependentRelaxation):
 
     ports = ("branch_strain",)
     parameters = (
-        Parameter("growth", "-", -50.0, 50.0, 1.0, meaning="a, per unit of strain"),
+        Parameter(
+            "growth",
+            "-",
+            -50.0,
+            50.0,
+            1.0,
+            meaning="a, per unit of strain",
+            per_strain=1,
+        ),
     )
     off = {"growth": 0.0}
     shape = ()

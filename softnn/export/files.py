@@ -45,6 +45,11 @@ def export(
     """
     if to not in FORMS:
         raise InputError(f"no form {to!r}; allowed is {', '.join(FORMS)}")
+    if model.axes.component and to != "c":
+        raise InputError(
+            f"the model is of a component, {model.axes.stress.label} over "
+            f"{model.axes.strain.label}; {to} is of strain and MPa. Export it --to c"
+        )
     return FORMS[to](model, identifier(name), options or Options())
 
 

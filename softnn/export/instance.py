@@ -63,7 +63,7 @@ def _corrected(
         places["branches"] = f"{prefix}_branches(&s->fitted, lapse, b)"
     steps, own = _effects(model, options, out)
     members += own
-    correct = ""
+    correct, (enter, result) = "", _own_units(model)
     if model.needs_simulated:
         given = "simulated_MPa"
         if model.simulation is not None:
@@ -75,21 +75,37 @@ def _corrected(
             out.is_network = inner.is_network
             members.append(f"{inner.prefix}_t simulation;")
             given = (
-                f"{inner.prefix}_step(&s->simulation, first, dt, t, strain, "
-                "temperature_C,\n        simulated_MPa, flags)"
+                f"{inner.prefix}_step(&s->simulation, first, dt, t, "
+                f"{'own' if enter else 'strain'}, temperature_C,\n"
+                "        simulated_MPa, flags)"
             )
         else:
             out.needs_simulated = True
         # What the base says without any effect is taken from the simulation instead.
+        if enter:
+            given += f" / {literal(model.axes.stress.one)}"
         correct = f"    y += {given};\n    y -= {prefix}_springs(strain);\n"
         if len(used):
             members.append(f"{prefix}_branches_t plain;")
             correct += f"    y -= {prefix}_branches(&s->plain, dt, strain);\n"
     out.types.append(struct_of(prefix, members))
     out.functions.append(
-        fill(blocks("step.c")["corrected"], places | steps | {"correct": correct})
+        fill(
+            blocks("step.c")["corrected"],
+            places | steps | {"correct": correct, "enter": enter, "result": result},
+        )
     )
     return out
+
+
+def _own_units(model: Stored) -> tuple[str, str]:
+    """C that counts a component's deflection, and what its stress is in own units."""
+    axes = model.axes
+    if not axes.component:
+        return "", "y"
+    enter = "    const double own = strain;\n    (void)own;\n"
+    enter += f"    strain /= {literal(axes.strain.one)};\n"
+    return enter, f"y * {literal(axes.stress.one)}"
 
 
 def _unless_left_out(what: str, options: Options, out: Instance) -> None:

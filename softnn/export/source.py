@@ -35,7 +35,7 @@ def c_source(
         "simulated": (
             "what the corrected simulation says" if made.needs_simulated else "not used"
         ),
-        "notes": _remarks(made.notes),
+        "notes": _remarks([*made.notes, *_units(model)]),
     }
     return fill(template("model.h"), places), fill(template("model.c"), places)
 
@@ -47,6 +47,17 @@ def described(model: Stored | StoredNetwork) -> str:
     effects = ", ".join(piece.effect.id for piece in model.pieces)
     base = remark(model.units.name, 40)
     return f"{base} with {effects}" if effects else base
+
+
+def _units(model: Stored | StoredNetwork) -> list[str]:
+    """What strain and stress are where they are those of a component."""
+    axes = model.axes
+    if not axes.component:
+        return []
+    return [
+        f"A component: strain is its {axes.strain.label}, and what a step returns, and "
+        f"simulated_MPa, its {axes.stress.label}, not in MPa."
+    ]
 
 
 def _remarks(notes: list[str]) -> str:

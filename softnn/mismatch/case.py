@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from softnn.axes import common
 from softnn.contracts import Array, Chunk, InputError
 from softnn.fit import Data
 from softnn.models.units import BASES
@@ -71,14 +72,17 @@ def read_case(folder: str | Path) -> Case:
             f"[specimen] names {sorted(unknown)[0]!r}, which is no recording here",
             file=folder / "case.toml",
         )
-    simulated = [_simulated(f, len(r)) for f, r in zip(files, recordings, strict=True)]
+    column = recordings[0].axes.simulated
+    simulated = [
+        _simulated(f, column, len(r)) for f, r in zip(files, recordings, strict=True)
+    ]
     if any(s is not None for s in simulated) and any(s is None for s in simulated):
         i = next(i for i, s in enumerate(simulated) if s is None)
         raise InputError(
             "no such column, yet other recordings of the case have it",
             file=files[i],
             row=1,
-            column="simulated_MPa",
+            column=column,
         )
     return Case(
         folder.resolve().name,
@@ -121,7 +125,8 @@ def _about(path: Path) -> dict:
 def check_sizes(recording: Recording, file: Path | None = None) -> None:
     """Refuse what can only be a wrong unit, and what cannot be diagnosed at all."""
     strain = np.nanmax(np.abs(recording.strain))
-    if strain > LARGEST_STRAIN:
+    known = not recording.axes.component  # a component may be of any size
+    if known and strain > LARGEST_STRAIN:
         raise InputError(
             f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; is it in per "
             "cent? It must be a plain number: divide by 100",
@@ -130,7 +135,7 @@ def check_sizes(recording: Recording, file: Path | None = None) -> None:
             column="strain",
         )
     stress = np.nanmax(np.abs(recording.stress_MPa))
-    if stress > LARGEST_STRESS_MPa:
+    if known and stress > LARGEST_STRESS_MPa:
         raise InputError(
             f"stress reaches {stress:.4g} MPa; is it in Pa or kPa? It must be in MPa",
             file=file,
@@ -145,7 +150,7 @@ def check_sizes(recording: Recording, file: Path | None = None) -> None:
             file=file,
             column="time_s",
         )
-    if 0 < strain < SMALLEST:
+    if known and 0 < strain < SMALLEST:
         raise InputError(
             f"strain reaches {strain:.4g} at most; it must be a plain number, "
             "elongation over length",
@@ -168,24 +173,25 @@ def check_case(case: Case) -> None:
             check_sizes(recording)
         except InputError as error:
             raise InputError(f"{recording.name}: {error}") from None
+    axis = common({r.name: r.axes for r in case.recordings}).stress
     stress = max(float(np.nanmax(np.abs(r.stress_MPa))) for r in case.recordings)
     if stress < SMALLEST:
         raise InputError(
-            f"{case.name}: stress reaches {stress:.4g} MPa at most; is the channel "
-            "connected, and is it in MPa?"
+            f"{case.name}: {axis.name} reaches {stress:.4g} {axis.unit} at most; is "
+            f"the channel connected, and is it in {axis.unit}?"
         )
 
 
-def _simulated(file: Path, n: int) -> Array | None:
+def _simulated(file: Path, column: str, n: int) -> Array | None:
     with file.open(encoding="utf-8-sig") as lines:
         head = lines.readline()
-    if "simulated_MPa" not in [c.strip().strip('"') for c in head.split(",")]:
+    if column not in [c.strip().strip('"') for c in head.split(",")]:
         return None
     frame = pd.read_csv(file, encoding="utf-8-sig", skip_blank_lines=False)
     frame.columns = [str(c).strip() for c in frame.columns]
-    values = pd.to_numeric(frame["simulated_MPa"], errors="coerce").to_numpy(float)[:n]
+    values = pd.to_numeric(frame[column], errors="coerce").to_numpy(float)[:n]
     if not np.isfinite(values).any():
-        raise InputError("holds no number at all", file=file, column="simulated_MPa")
+        raise InputError("holds no number at all", file=file, column=column)
     return values
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from softnn.axes import Axes
 from softnn.contracts import Chunk, InputError
 from softnn.models.units import BASES
 from softnn.workers import workers
@@ -223,6 +224,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     from softnn.mismatch.model_file import read_model
 
     model = read_model(arguments.model)
+    axes = model.axes
     files = [Path(f) for f in arguments.recordings]
     stems = [f.stem for f in files]
     for i, stem in enumerate(stems):
@@ -232,31 +234,31 @@ def simulate(arguments: argparse.Namespace) -> int:
     writable(out)
     chunks, given, measured = [], [], []
     for file in files:
-        frame = _history(file)
+        frame = _history(file, axes)
         time = frame["time_s"].to_numpy(float)
-        strain = _bridged(frame["strain"].to_numpy(float), time)
+        strain = _bridged(frame[axes.strain.column].to_numpy(float), time)
         warm = frame.get("temperature_C")
         chunks.append(
             Chunk(time, strain, None if warm is None else warm.to_numpy(float))
         )
-        simulated = frame.get("simulated_MPa")
+        simulated = frame.get(axes.simulated)
         given.append(
             None
             if simulated is None or not model.needs_simulated
             else _bridged(simulated.to_numpy(float), time)
         )
-        measured.append(frame.get("stress_MPa"))
+        measured.append(frame.get(axes.stress.column))
     stress = model.stress(stems, chunks, given)
     for line in _beyond(model, stems, chunks):
         print(f"softnn: {line}", file=sys.stderr)
     for file, chunk, s, m in zip(files, chunks, stress, measured, strict=True):
         table: dict[str, Any] = {
             "time_s": chunk.time_s,
-            "strain": chunk.strain,
-            "simulated_MPa": s,
+            axes.strain.column: chunk.strain,
+            axes.simulated: s,
         }
         if m is not None:
-            table["stress_MPa"] = m.to_numpy(float)
+            table[axes.stress.column] = m.to_numpy(float)
         told = f"{file.stem}: {len(s)} samples"
         if hasattr(model, "outside"):
             table["outside"] = model.outside(chunk)
@@ -286,7 +288,9 @@ def _beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[s
     if not isinstance(model, Stored):
         return []
     lines = []
-    low, high = model.units.knots[0], model.units.knots[-1]
+    axis = model.axes.strain
+    low, high = (axis.one * model.units.knots[i] for i in (0, -1))
+    unit = f" {axis.unit}" if model.axes.component else ""
     slack = SLACK * (high - low)
     far = [
         name
@@ -295,8 +299,8 @@ def _beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[s
     ]
     if far:
         lines.append(
-            f"{_some(far)}: strain beyond {low:.4g} to {high:.4g}, which the model "
-            "was made from"
+            f"{_some(far)}: {axis.name} beyond {low:.4g} to {high:.4g}{unit}, which "
+            "the model was made from"
         )
     own: set[str] = set()
     inner: Any = model
@@ -319,7 +323,7 @@ def _some(names: Sequence[str], most: int = 3) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _history(file: Path) -> Any:
+def _history(file: Path, axes: Axes) -> Any:
     """Columns of a recording, stress not needed."""
     import io
 
@@ -332,17 +336,11 @@ def _history(file: Path) -> Any:
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(f"not a CSV table: {error}", file=file) from None
     frame.columns = [str(c).strip() for c in frame.columns]
-    for column in ("time_s", "strain"):
+    for column in axes.columns[:2]:
         if column not in frame.columns:
             raise InputError("no such column", file=file, row=1, column=column)
     for column in frame.columns:
-        if column not in (
-            "time_s",
-            "strain",
-            "stress_MPa",
-            "temperature_C",
-            "simulated_MPa",
-        ):
+        if column not in (*axes.columns, "temperature_C", axes.simulated):
             continue
         values = pd.to_numeric(frame[column], errors="coerce")
         text = values.isna() & frame[column].notna()

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Engine, Fit, Piece, fit
-from softnn.mismatch import locate, verify, words
+from softnn.mismatch import locate, own_units, untaught, verify, words
 from softnn.mismatch.accounts import Search, search
 from softnn.mismatch.base import Baseline, baseline, beyond, given, weigh_by
 from softnn.mismatch.case import (
@@ -49,7 +50,8 @@ class Diagnosis:
     """What was left out, how sure that is, and the corrected model.
 
     Arrays are lists of one (n,) a recording: time in s, strain, stress in MPa measured
-    and simulated before and after the correction.
+    and simulated before and after the correction. Of a component they are in its own
+    units, as `axes` says.
     """
 
     case: Case
@@ -61,6 +63,11 @@ class Diagnosis:
     measured: list[Array]
     before: list[Array]
     after: list[Array]
+
+    @property
+    def axes(self) -> Axes:
+        """What strain and stress are here, with their units."""
+        return self.case.recordings[0].axes
 
     @property
     def summary(self) -> str:
@@ -139,13 +146,17 @@ def _diagnose(
         raise InputError(f"seed is {seed}; allowed is a whole number from 0")
     rng = np.random.default_rng(seed)
     chosen = model if model is not None else case.model
-    source = None
+    source, whole, never = None, case, list[untaught.Stretch]()
     if chosen is not None and not isinstance(chosen, str):
         source = chosen.source
-        case = replace(_simulated_by(case, chosen), model=None)
+        case = whole = replace(_simulated_by(case, chosen), model=None)
+        if not isinstance(chosen, Stored):  # a network knows what it was shown
+            never = untaught.stretches(case, chosen.known)
+            case = untaught.taught(case, never)
         chosen = None
     elif chosen is not None:
         check_model(chosen)
+    own, (case, axes) = case, own_units.counted(case)
     base = start(case, chosen)
     found = search(base)
     told = Told(found, posterior(found.accounts))
@@ -153,25 +164,54 @@ def _diagnose(
     learned = None
     if told.verdict == "unexplained":
         learned = learn(base.engine, base.fit, rng)
-    result = _result(case, told, full, learned, rng)
+    result = _result(own, axes, told, full, learned, rng)
+    untaught.tell(result, whole, never)
     result["seconds"] = round(time.perf_counter() - clock, 3)
     names = [r.name for r in case.recordings]
     corrected = full.after if told.names else full.before
     extra = learned.to_dict() if learned is not None and not told.names else None
 
     def stored(one: Fit, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        return to_dict(one.guess, names, case.history, base.fixed, extra, source)
+        model = to_dict(one.guess, names, case.history, base.fixed, extra, source)
+        return own_units.labelled(model, axes)
+
+    x, y, engine = axes.strain.one, axes.stress.one, full.engine
+    after, before = stored(corrected, extra), stored(full.before)
+    if never:
+        return _of_whole(whole, result, after, before)
+    return Diagnosis(
+        own,
+        result,
+        after,
+        before,
+        [c.time_s for c in engine.data.chunks],
+        own_units.back([c.strain for c in engine.data.chunks], x),
+        own_units.back(list(engine.data.stress_MPa), y),
+        own_units.back(engine.by_recording(full.before.stress), y),
+        own_units.back(engine.by_recording(corrected.stress), y),
+    )
+
+
+def _of_whole(
+    case: Case, result: dict[str, Any], after: dict[str, Any], before: dict[str, Any]
+) -> Diagnosis:
+    """A diagnosis made on part of a case, shown on all of it."""
+    data = to_data(usable(case, REPORT))
+
+    def stress(model: dict[str, Any]) -> list[Array]:
+        given_ = list(data.simulated_MPa or [None] * len(data.chunks))
+        return from_dict(model).stress(data.names, data.chunks, given_)
 
     return Diagnosis(
         case,
         result,
-        stored(corrected, extra),
-        stored(full.before),
-        [c.time_s for c in full.engine.data.chunks],
-        [c.strain for c in full.engine.data.chunks],
-        list(full.engine.data.stress_MPa),
-        full.engine.by_recording(full.before.stress),
-        full.engine.by_recording(corrected.stress),
+        after,
+        before,
+        [c.time_s for c in data.chunks],
+        [c.strain for c in data.chunks],
+        list(data.stress_MPa),
+        stress(before),
+        stress(after),
     )
 
 
@@ -193,6 +233,7 @@ def start(case: Case, model: str | None = None) -> Baseline:
 
 def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
     """The case with the stress of a stored model as its simulation."""
+    common({"the model": stored.axes} | {r.name: r.axes for r in case.recordings})
     data = to_data(case)
     given_ = data.simulated_MPa or [None] * len(data.chunks)
     stress = stored.stress(
@@ -305,6 +346,7 @@ class _Full:
 
 def _result(
     case: Case,
+    axes: Axes,
     told: Told,
     full: _Full,
     learned: Learned | None,
@@ -363,6 +405,7 @@ def _result(
             "period": learned.period,
         },
     }
+    own_units.tell(result, axes)
     result["summary"] = words.summary(result, told)
     return result
 

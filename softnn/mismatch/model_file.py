@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, Chunk, Effect, InputError
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
@@ -43,15 +44,18 @@ class Stored:
     learned: dict[str, Any] | None = None
     simulation: Stored | StoredNetwork | None = None
     source: dict[str, Any] | None = None  # as the file holds it
+    axes: Axes = SPECIMEN  # what its strain and MPa are
 
     def simulate(
         self, recording: Recording, simulated_MPa: Array | None = None
     ) -> Array:
         """Stress (n,) over the strain of a recording, MPa; its own stress is not used.
 
-        What the model knows of single recordings it finds by name. `simulated_MPa`
-        (n,) is needed by a model that corrects a simulation from elsewhere.
+        Of a component, both are in its own units: those of `axes`. What the model
+        knows of single recordings it finds by name. `simulated_MPa` (n,) is needed by a
+        model that corrects a simulation from elsewhere.
         """
+        common({"the model": self.axes, recording.name: recording.axes})
         (chunk,) = to_data(Case("", (recording,))).chunks
         return self.stress([recording.name], [chunk], [simulated_MPa])[0]
 
@@ -62,7 +66,27 @@ class Stored:
         simulated: Sequence[Array | None],
         continued: bool | None = None,
     ) -> list[Array]:
-        """Stress (n,) of each history, MPa. Recordings unknown by name are plain."""
+        """Stress (n,) of each history, MPa. Recordings unknown by name are plain.
+
+        Strain and stress are in the units of `axes`.
+        """
+        if self.simulation is not None:
+            simulated = self.simulation.stress(names, chunks, simulated, continued)
+        x, y = self.axes.strain.one, self.axes.stress.one
+        if x != 1 or y != 1:
+            chunks = [replace(c, strain=np.asarray(c.strain) / x) for c in chunks]
+            simulated = [None if s is None else np.asarray(s) / y for s in simulated]
+        out = self._counted(names, chunks, simulated, continued)
+        return out if y == 1 else [stress * y for stress in out]
+
+    def _counted(
+        self,
+        names: Sequence[str],
+        chunks: Sequence[Chunk],
+        simulated: Sequence[Array | None],
+        continued: bool | None,
+    ) -> list[Array]:
+        """The same in strain and MPa."""
         follow = self.history == "continued" if continued is None else continued
         terms = []
         for piece, own in zip(self.pieces, self.own, strict=True):
@@ -75,15 +99,13 @@ class Stored:
                 )
             terms.append(Term(piece.effect, values))
         out = simulate(self.units, self.stiffness, terms, chunks, follow)
-        if self.simulation is not None:
-            simulated = self.simulation.stress(names, chunks, simulated, continued)
         if self.needs_simulated:
             plain = simulate(self.units, self.stiffness, [], chunks, follow)
             for i, given in enumerate(simulated):
                 if given is None:
                     raise InputError(
                         f"{names[i]}: this model corrects a simulation; the recording "
-                        "needs its column simulated_MPa"
+                        f"needs its column {self.axes.simulated}"
                     )
                 out[i] = out[i] + given - plain[i]
         if self.learned is not None:
@@ -211,6 +233,7 @@ def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
         if history not in HISTORIES:
             raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
         _check_learned(data.get("learned"))
+        axes = Axes.from_dict(data.get("axes"))
         needs = bool(base.get("corrects_simulated_MPa", False))
         inner = data.get("simulation")
         simulation = None if inner is None else from_dict(inner)
@@ -232,6 +255,7 @@ def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
         data.get("learned"),
         simulation,
         data,
+        axes,
     )
 
 

@@ -25,20 +25,28 @@ COMMON = 0.005  # share of rates at either end that noise of a recorded strain m
 
 @dataclass(frozen=True)
 class Seen:
-    """Ranges (low, high) of strain and, where it is known, of strain rate [1/s]."""
+    """Ranges (low, high) of strain and, where it is known, of strain rate [1/s].
+
+    `rates` are the ranges of single recordings, between which nothing was shown; None
+    where they are not known.
+    """
 
     strain: tuple[float, float]
     rate_per_s: tuple[float, float] | None = None
+    rates: tuple[tuple[float, float], ...] | None = None
 
     @classmethod
     def of(cls, recordings: Sequence[Recording], lag_s: float | None = None) -> Seen:
         """What recordings show: rates nominal for tensile tests, else differences."""
-        rates: list[float] = []
+        own = []
         for r in recordings:
             rate = strain_rate(r, lag_s)
-            rates += np.quantile(rate[np.isfinite(rate)], [COMMON, 1 - COMMON]).tolist()
+            low, high = np.quantile(rate[np.isfinite(rate)], [COMMON, 1 - COMMON])
+            own.append((float(low), float(high)))
+        rates = tuple(sorted(set(own)))
         strain = np.concatenate([r.strain[np.isfinite(r.strain)] for r in recordings])
-        return cls((float(strain.min()), float(strain.max())), (min(rates), max(rates)))
+        whole = min(low for low, _ in rates), max(high for _, high in rates)
+        return cls((float(strain.min()), float(strain.max())), whole, rates)
 
     def flags(self, strain: Array, rate_per_s: Array) -> NDArray[np.uint8]:
         """Bits (n,) for samples of strain and rate (n,); nan in a rate is not judged.
@@ -59,20 +67,24 @@ class Seen:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; `from_dict` takes it back."""
         rate = None if self.rate_per_s is None else list(self.rate_per_s)
-        return {"strain": list(self.strain), "rate_per_s": rate}
+        out: dict[str, Any] = {"strain": list(self.strain), "rate_per_s": rate}
+        if self.rates is not None:
+            out["rates"] = [list(pair) for pair in self.rates]
+        return out
 
     @classmethod
     def from_dict(cls, given: Any) -> Seen:
         """Ranges of a file; `InputError` where they are none."""
         try:
-            rate = given["rate_per_s"]
-            pairs = [given["strain"], *([] if rate is None else [rate])]
+            rate, own = given["rate_per_s"], given.get("rates")
+            pairs = [given["strain"], *([] if rate is None else [rate]), *(own or [])]
             ranges = [(float(low), float(high)) for low, high in pairs]
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"seen is no pair of ranges: {error!r}") from None
         if not all(low <= high for low, high in ranges):
             raise InputError(f"seen is {pairs}; each range is low, high")
-        return cls(ranges[0], None if rate is None else ranges[1])
+        rates = None if own is None else tuple(ranges[len(ranges) - len(own) :])
+        return cls(ranges[0], None if rate is None else ranges[1], rates)
 
 
 def _beyond(values: Array, low: float, high: float) -> NDArray[np.bool]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from softnn.axes import SPECIMEN
 from softnn.contracts import Array, Chunk, InputError
 from softnn.neural.guard import Seen
 from softnn.neural.inputs import ARCHITECTURES, samples, strain_rate
@@ -32,6 +33,7 @@ class StoredNetwork:
     lag_s: float | None = None
     seen: Seen | None = None
     needs_simulated = False
+    axes = SPECIMEN
 
     @property
     def source(self) -> dict[str, Any]:

@@ -1,5 +1,8 @@
 """Tidy CSV: `time_s,strain,stress_MPa[,temperature_C,force_N,elongation_mm]`.
 
+Of a component, of no known geometry, `time_s,elongation_mm,force_N` alone, or
+`time_s,deflection_deg,torque_Nm`: it is told of in these units (`softnn.axes`).
+
 A folder of them may hold an `index.csv` with a row a recording (`file`, and any of
 `material`, `test`, `rate_per_s`, `specimen`).
 """
@@ -18,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from softnn.contracts import InputError
-from softnn.recording import COLUMNS, REQUIRED, Recording, check_columns
+from softnn.recording import Recording, check_columns, columns_of
 
 MAX_BYTES = 500_000_000  # 10 million samples; anything larger is not one test
 
@@ -122,23 +125,17 @@ def read_tidy(path: str | Path, **about: object) -> Recording:
     except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
         raise _unreadable(path, text, error) from None
     frame.columns = [str(c).strip() for c in frame.columns]
-    absent = [c for c in REQUIRED if c not in frame.columns]
-    if absent:
-        raise InputError(
-            f"no such column; it has {', '.join(map(repr, frame.columns)) or 'none'}. "
-            f"Needed: {','.join(REQUIRED)}",
-            file=path,
-            row=1,
-            column=absent[0],
-        )
+    axes, found = columns_of(list(frame.columns), path, 1)
     # Trailing blank lines are how some editors end a file, not samples.
     while len(frame) and frame.iloc[-1].isna().all():
         frame = frame.iloc[:-1]
     columns: dict[str, Any] = {
-        c: _numbers(frame[c], path) for c in COLUMNS if c in frame.columns
+        channel: _numbers(frame[c], path) for channel, c in found.items()
     }
-    check_columns(columns, str(path), first_row=2)
-    fields: dict[str, Any] = {"name": path.stem, "source": str(path), **about}
+    named = {found[channel]: values for channel, values in columns.items()}
+    check_columns(named, str(path), first_row=2)
+    fields: dict[str, Any] = {"name": path.stem, "source": str(path), "axes": axes}
+    fields |= about
     return Recording(**columns, **fields)
 
 

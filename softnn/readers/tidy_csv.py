@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from softnn.axes import axes_of
 from softnn.readers.options import ReadOptions
 from softnn.readers.source import Source
 from softnn.readers.tidy import read_tidy
-from softnn.recording import REQUIRED, Recording, Step
+from softnn.recording import Recording, Step
 
 NAME = "tidy CSV"
 
 
 def recognises(source: Source) -> bool:
     first = source.head.split("\n", 1)[0].strip("\ufeff\r ")
-    return set(REQUIRED) <= {name.strip() for name in first.split(",")}
+    names = [name.strip() for name in first.split(",")]
+    return "time_s" in names and axes_of(names) is not None
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:

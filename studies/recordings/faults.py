@@ -9,14 +9,17 @@ is seen in a copy that lacks one recording.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from softnn.mismatch import Case
 from softnn.recording import Recording
-from studies.recordings.groups import amplitude, first_turn
+from studies.recordings.groups import amplitude, first_turn, holds
+
+SIBLINGS = 4  # specimens, among which one may stand out
+UNLISTED = "on no list"  # where nothing new should be named
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,8 @@ class Fault:
 
     `make` takes a recording, the size, and the largest stress of the case. `share` of
     the recordings have it (rounded, at least one); with `own_scale` it cannot be seen
-    where each recording has a scale of its own.
+    where each recording has a scale of its own, with `among` only where `SIBLINGS`
+    specimens are there to stand out from, with `held` only in a hold.
     """
 
     effect: str
@@ -33,6 +37,17 @@ class Fault:
     share: float
     says: str
     own_scale: bool = False
+    among: bool = False
+    held: bool = False
+
+    def shows(self, recordings: Sequence[Recording], specimens: bool) -> bool:
+        """Whether such recordings, of a specimen each or of one, can show it."""
+        alone = len(recordings) < 2 and self.share < 1.0  # nothing to be out of line of
+        few = self.among and not (specimens and len(recordings) >= SIBLINGS)
+        lost = self.own_scale and specimens
+        return not (
+            alone or few or lost or (self.held and not any(map(holds, recordings)))
+        )
 
 
 def peak(recording: Recording) -> float:
@@ -61,6 +76,7 @@ def slack(recording: Recording, size: float, top: float) -> Recording:
         name=recording.name,
         specimen=recording.specimen,
         test=recording.test,
+        axes=recording.axes,
     )
 
 
@@ -107,6 +123,19 @@ def slip(recording: Recording, size: float, top: float) -> Recording:
     return recording.with_step("slip", {"size": size}, strain=recording.strain + jump)
 
 
+def section(recording: Recording, size: float, top: float) -> Recording:
+    """A cross-section typed half as large, at size 1."""
+    return changed(recording, recording.stress_MPa * (1 + size))
+
+
+def drying(recording: Recording, size: float, top: float) -> Recording:
+    """Stiffer by a quarter at the end, steadily: a stress that rises in a hold."""
+    time = recording.time_s - recording.time_s[0]
+    return changed(
+        recording, recording.stress_MPa * (1 + 0.25 * size * time / time[-1])
+    )
+
+
 def changed(recording: Recording, stress: np.ndarray) -> Recording:
     return recording.with_step("made fault", stress_MPa=stress)
 
@@ -119,6 +148,8 @@ FAULTS = {
     "drift": Fault("load_cell_drift", drift, 1.0, "one peak an hour, 8 % at least"),
     "gain": Fault("gain_error", gain, 0.34, "10.5 %", own_scale=True),
     "slip": Fault("grip_slip", slip, 0.34, "10 % of the largest strain"),
+    "section": Fault("gain_error", section, 0.0, "half of one specimen's", among=True),
+    "drying": Fault(UNLISTED, drying, 1.0, "25 % stiffer by the end", held=True),
 }
 
 

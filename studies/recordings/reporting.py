@@ -24,7 +24,7 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.recordings.faults import CONTROL
+from studies.recordings.faults import CONTROL, UNLISTED
 from studies.recordings.groups import Group
 from studies.recordings.sets import Material
 
@@ -165,7 +165,7 @@ def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
                 "fault": r.fault,
                 # What the original has already cannot be new.
                 "there_before": r.expected in base,
-                "found": r.expected in new,
+                "found": not new if r.expected == UNLISTED else r.expected in new,
                 "equivalent": r.expected in r.equivalent,
                 "said": r.selected or [r.verdict],
                 # What the account of the original misses, beside which it must be seen.

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from softnn.readers.tidy import read_folder
 from softnn.recording import Recording
@@ -26,6 +25,9 @@ RUBBER = "Bergstroem and Boyce 1998, doi:10.1016/S0022-5096(97)00075-6"
 FRICTION = "Al-Bender and Swevers 2008, doi:10.1109/MCS.2008.929279"
 FUNGI = "Probing mycelium mechanics 2025, doi:10.1016/j.actbio.2025.07.002"
 ETFE = "Comitti and Bosi 2024, doi:10.1007/s11043-024-09704-5"
+BENCH = "Tregear 2023, github.com/ITregear/SeriesElasticActuation-FYP"
+GELATIN = "github.com/fhshaik/Composite-Hydrogel-Experiments, 2025"
+STRETCHER = "Ellingham 2021, github.com/richgumy/electromech-stretcher"
 SCHAPERY = "Schapery 1969, doi:10.1002/pen.760090410"
 
 # Laws that stand for one another where the literature only says "nonlinear viscous".
@@ -34,6 +36,7 @@ VISCOUS = (
     "nonlinear_viscosity",
     "strain_dependent_relaxation",
 )
+VISCOUS_ALL = (*VISCOUS, "relaxation_branch")
 
 
 @dataclass(frozen=True)
@@ -74,36 +77,26 @@ class About:
 
 
 def read_device(folder: Path, unusable: dict[str, str]) -> list[Recording]:
-    """Force over displacement of a device, as stress over strain.
+    """Force over displacement of a device, from where it starts.
 
-    Counted on 100 mm and 100 mm2, which only sets the units. What pushes steadily (air
-    under the piston) is taken out: the middle between strokes in and out.
+    What pushes steadily (air under the piston) is taken out: the middle between strokes
+    in and out.
     """
-    index = pd.read_csv(folder / "index.csv")
     out = []
-    for row in index.itertuples():
-        table = pd.read_csv(folder / str(row.file))
-        missing = {"time_s", "elongation_mm", "force_N"} - set(table.columns)
-        if missing:
-            unusable[str(row.file)] = f"{row.file}: no column {sorted(missing)}"
-            continue
-        x = table["elongation_mm"].to_numpy(float)
-        force = table["force_N"].to_numpy(float)
-        speed = np.gradient(x)
+    for one in read_zeroed(folder, unusable):
+        speed = np.gradient(one.strain)
         fast = np.abs(speed) > 0.5 * np.quantile(np.abs(speed), 0.9)
-        ways = [np.median(force[fast & (speed * s > 0)]) for s in (1, -1)]
-        out.append(
-            Recording(
-                table["time_s"].to_numpy(float),
-                (x - x[0]) / 100.0,
-                (force - np.mean(ways)) / 100.0,
-                name=Path(str(row.file)).stem,
-                specimen=str(row.specimen),
-                material=str(row.material),
-                test=str(row.test),
-            )
-        )
+        ways = [np.median(one.stress_MPa[fast & (speed * s > 0)]) for s in (1, -1)]
+        out.append(one.with_step("middle", stress_MPa=one.stress_MPa - np.mean(ways)))
     return out
+
+
+def read_zeroed(folder: Path, unusable: dict[str, str]) -> list[Recording]:
+    """The folder, deflection counted from each recording's first sample."""
+    return [
+        r.with_step("zeroed", strain=r.strain - r.strain[0])
+        for r in read_folder(folder, unusable)
+    ]
 
 
 FOAM_BARS = {"ratio": 0.25, "nrmse": 0.04}
@@ -278,6 +271,93 @@ SETS: dict[str, About] = {
                     (FUNGI,),
                     "first and second compression far apart: damage and residual "
                     "strain; rate dependence",
+                ),
+            ),
+        ),
+    ),
+    # Five springs: the loops are the joints', wider at larger amplitude at the one ramp
+    # time; in the holds nothing moves but what slips.
+    "sea-bench-springs": About(
+        group=r"^(spring\d+)_",
+        hold=("amplitude",),
+        specimens=False,
+        tests=("cyclic (one ramp-hold-ramp-hold-ramp period)",),
+        read=read_zeroed,
+        kinds=(
+            (
+                "spring5",
+                Material(
+                    (("friction_hysteresis",),),
+                    VISCOUS_ALL,
+                    (BENCH, FRICTION),
+                    "a pointed loop that does not depend on rate, softer at larger "
+                    "amplitude",
+                ),
+            ),
+            (
+                "spring2",
+                Material(
+                    (("friction_hysteresis", "grip_slip", "permanent_set"),),
+                    VISCOUS_ALL,
+                    (BENCH, FRICTION),
+                    "a joint that slides beyond 6 Nm and comes back shifted",
+                ),
+            ),
+            (
+                "",
+                Material(
+                    (),
+                    VISCOUS_ALL,
+                    (BENCH,),
+                    "a motor that sticks and lets go, stops at both ends, play",
+                ),
+            ),
+        ),
+    ),
+    "gelatin-zwick-air-control": About(
+        group=r"^(air|\d+)_",
+        hold=("rate",),
+        specimens=False,
+        tests=(
+            "compression ramp, 60 s hold, return",
+            "compression ramp, 10 s hold, return",
+            "same stroke without a specimen",
+        ),
+        kinds=(
+            (
+                "air",
+                Material(
+                    (("inertia",),),
+                    (*VISCOUS_ALL, "mullins_softening", "permanent_set"),
+                    (GELATIN,),
+                    "nothing but the mass of the impactor",
+                ),
+            ),
+            (
+                "",
+                Material(
+                    (("permanent_set",),),
+                    (),
+                    (GELATIN,),
+                    "relaxation, stiffening, force zero before the way back ends, then "
+                    "a pull; the impactor's mass at the higher speeds",
+                ),
+            ),
+        ),
+    ),
+    "cb-silicone-stretcher": About(
+        group=r"^(cb\d+(?:p\d+)?)_",
+        hold=("recording",),
+        tests=("relaxation (multi-step)", "cyclic"),
+        kinds=(
+            (
+                "",
+                Material(
+                    (),
+                    ("mullins_softening", "cyclic_softening"),
+                    (STRETCHER,),
+                    "weak relaxation (3 to 9 % in 285 s) and rate, slow recovery below "
+                    "zero force; softened before, so no softening",
                 ),
             ),
         ),

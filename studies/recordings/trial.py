@@ -147,9 +147,7 @@ def broken(
     names: Sequence[str],
 ) -> list[Task]:
     """Diagnoses of faulty copies, and of copies without a fault."""
-    names = [n for n in names if not (group.specimens and FAULTS[n].own_scale)]
-    if len(group.recordings) < 2:  # nothing to be out of line with
-        names = [n for n in names if FAULTS[n].share == 1.0]
+    names = [n for n in names if FAULTS[n].shows(group.recordings, group.specimens)]
     if len(group.recordings) > 2:
         names = [CONTROL, *names]
     return [

@@ -2,13 +2,13 @@
 static double {p}_step({p}_t *s, int first, double dt, double t, double strain,
                        double temperature_C, double simulated_MPa, unsigned *flags)
 {
-    double e = strain, b = strain, lapse = dt, eq, br, y; /* lapse: of branches */
+{enter}    double e = strain, b = strain, lapse = dt, eq, br, y; /* lapse: of branches */
     (void)s, (void)first, (void)dt, (void)t, (void)temperature_C, (void)simulated_MPa;
     (void)flags, (void)b, (void)lapse;
 {before}    eq = {springs};
     br = {branches};
 {after}    y = eq + br;
-{sensor}{correct}    return y;
+{sensor}{correct}    return {result};
 }
 /*@ network */
 static double {p}_step({p}_t *s, int first, double dt, double t, double strain,

@@ -1,0 +1,136 @@
+"""Where recordings ask a network what it was never shown: no physics of the material.
+
+A network taught by tensile tests knows nothing of unloading, of holds, or of the stress
+between the rates it was taught. What it says there is made up, so nothing can be named
+by it: the search ends, recording by recording, where the first such stretch begins, as
+what comes after it has a history that was never shown either. The stretches are told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from softnn.contracts import Array
+from softnn.mismatch.case import Case, to_data
+from softnn.mismatch.locate import BRANCHES, phases, runs
+
+if TYPE_CHECKING:
+    from softnn.neural import Seen
+
+FEWEST = 4  # samples a stretch has at least, and a recording keeps
+NEAR = 0.15  # of a rate, by which another is still the same
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples [first, last) of a recording (by index), never shown, and why."""
+
+    recording: int
+    first: int
+    last: int
+    start_s: float
+    end_s: float
+    rate_per_s: float
+    what: str
+
+
+def stretches(case: Case, seen: Seen) -> list[Stretch]:
+    """What was never shown, one a branch of the history, in time order."""
+    out = []
+    for i, chunk in enumerate(to_data(case).chunks):
+        time, strain = chunk.time_s, np.asarray(chunk.strain)
+        ph = phases(chunk)
+        for a, b in runs(np.ones(len(time), bool), ph.branch, ph.cycle):
+            lapse = time[b - 1] - time[a]
+            if b - a < FEWEST or not lapse > 0:
+                continue
+            rate = float((strain[b - 1] - strain[a]) / lapse)
+            what = _never(BRANCHES[int(ph.branch[a])], rate, strain[a:b], seen)
+            if what:
+                ends = float(time[a]), float(time[b - 1])
+                out.append(Stretch(i, a, b, *ends, rate, what))
+    return out
+
+
+def _never(branch: str, rate: float, strain: Array, seen: Seen) -> str:
+    """Why a stretch at this rate was never shown, "" where it was."""
+    if seen.rate_per_s is not None:
+        low, high = seen.rate_per_s
+        if branch == "hold":
+            return "" if low <= 0 <= high else "holds"
+        if (rate < 0 <= low) or (rate > 0 >= high):
+            return "unloading" if branch == "unloading" else "the other direction"
+        slow, fast = sorted((abs(low), abs(high)))
+        if low * high > 0 and abs(rate) < (1 - NEAR) * slow:
+            return "slower rates"
+        if abs(rate) > (1 + NEAR) * fast:
+            return "faster rates"
+    size = 0.01 * (seen.strain[1] - seen.strain[0])
+    if strain.min() < seen.strain[0] - size or strain.max() > seen.strain[1] + size:
+        return "strain beyond that shown"
+    if seen.rates is not None and not any(
+        a - NEAR * abs(a) <= rate <= b + NEAR * abs(b) for a, b in seen.rates
+    ):
+        return "rates between those shown"
+    return ""
+
+
+def taught(case: Case, found: Sequence[Stretch]) -> Case:
+    """The case up to where each recording first asks what was never shown."""
+    recordings, simulated = list(case.recordings), list(case.simulated_MPa or ())
+    for i, recording in enumerate(recordings):
+        own = [s.first for s in found if s.recording == i]
+        if not own:
+            continue
+        keep = slice(0, max(min(own), FEWEST))
+        cut = recording.take(keep)
+        if np.isfinite(cut.stress_MPa).any() and np.isfinite(cut.strain).any():
+            recordings[i] = cut.with_step("taught")
+            if simulated:
+                simulated[i] = simulated[i][keep]
+    return replace(
+        case, recordings=tuple(recordings), simulated_MPa=tuple(simulated) or None
+    )
+
+
+def tell(result: dict[str, Any], case: Case, found: Sequence[Stretch]) -> None:
+    """Add the stretches to a diagnosis.json, and a sentence to its summary."""
+    result["untaught"] = [
+        {
+            "recording": case.recordings[s.recording].name,
+            "start_s": s.start_s,
+            "end_s": s.end_s,
+            "rate_per_s": s.rate_per_s,
+            "what": s.what,
+        }
+        for s in found
+    ]
+    if found:
+        result["summary"] = f"{result['summary']} {_sentence(case, found)}"
+
+
+def _sentence(case: Case, found: Sequence[Stretch]) -> str:
+    by: dict[str, list[Stretch]] = {}
+    for s in found:
+        by.setdefault(s.what, []).append(s)
+    total = sum(len(r) for r in case.recordings)
+    told = []
+    for what, many in by.items():
+        one = many[0]
+        place = (
+            f"{case.recordings[one.recording].name} from {one.start_s:.4g} to "
+            f"{one.end_s:.4g} s"
+        )
+        more = f" and {len(many) - 1} more" if len(many) > 1 else ""
+        share = 100 * sum(s.last - s.first for s in many) / total
+        told.append(f"{what} ({share:.0f} % of the samples: {place}{more})")
+    *first, last = told
+    listed = f"{', '.join(first)} and {last}" if first else last
+    return (
+        f"The network was never shown {listed}; what it misses there is no physics of "
+        "the material."
+    )
