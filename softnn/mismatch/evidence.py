@@ -48,8 +48,8 @@ class Evidence:
     """Logarithms of marginal likelihoods, without the prior of the set.
 
     `bare`: of the laws as they stand; `alone`: either so, or with the form error and a
-    discrepancy that is slight; `beside`: with something else of any size. `form`, `discrepancy`,
-    `beside_size` and `scatter` are the scales of these at their best.
+    discrepancy that is slight; `beside`: with something else of any size. `form`,
+    `discrepancy`, `beside_size` and `scatter` are the scales of these at their best.
     """
 
     bare: float
