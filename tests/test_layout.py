@@ -13,7 +13,7 @@ PACKAGE = ROOT / "softnn"
 # A module imports only what stands on a line above it; siblings do not know each other.
 ORDER = (
     ("contracts",),
-    ("recording", "metrics", "materials", "noise", "bounded", "workers"),
+    ("recording", "metrics", "materials", "noise", "bounded", "workers", "json_file"),
     ("readers", "prepare", "virtual", "models", "effects", "neural"),
     ("properties", "simulate"),
     ("fit",),
@@ -28,6 +28,7 @@ RANK = {name: i for i, row in enumerate(ORDER) for name in row}
 
 # One home for each heavy dependency: whoever replaces it edits one place.
 HOMES = {"optuna": "search", "mlflow": "tracking", "torch": "neural", "onnx": "export"}
+HOMES |= {"plotly": "report", "jinja2": "report"}
 
 
 def modules(folder: Path) -> list[Path]:

@@ -34,6 +34,7 @@ class Case:
     specimen: dict[str, str] = field(default_factory=dict)
     simulated_MPa: tuple[Array, ...] | None = None
     folder: Path | None = None
+    notes: tuple[str, ...] = ()  # what was inferred of the input, or is odd in it
 
     def groups(self) -> list[tuple[int, ...]]:
         """Recordings of each specimen, where several are named; else nothing."""

@@ -16,8 +16,11 @@ from typing import Any
 import numpy as np
 
 from softnn.contracts import Chunk, InputError
+from softnn.json_file import write
 from softnn.models.units import BASES
 from softnn.workers import workers
+
+__all__ = ["add_diagnose", "add_simulate", "write"]
 
 SLACK = 0.01  # of the range of strain, by which one may lie beside it
 DONE = ".done"  # in the folder of a diagnosis, once all of it is written
@@ -187,27 +190,6 @@ def _model(name: str) -> Any:
         return read_model(name)
     check_model(name)
     return name
-
-
-def write(path: Path, value: Any) -> None:
-    """JSON as this package writes it, made aside and renamed."""
-    text = json.dumps(_plain(value), indent=1, allow_nan=False) + "\n"
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    aside.write_text(text, encoding="utf-8")
-    aside.replace(path)
-
-
-def _plain(value: Any) -> Any:
-    """JSON-ready: numpy numbers as Python's, no number as null."""
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
 
 
 def _safe(name: str) -> str:
