@@ -82,6 +82,11 @@ class Axes:
         return "1/s" if self.strain.unit == "-" else f"{self.strain.unit}/s"
 
     @property
+    def rate_key(self) -> str:
+        """What the rate is called in JSON."""
+        return f"{self.strain.column}_per_s" if self.component else "rate_per_s"
+
+    @property
     def component(self) -> bool:
         """Whether it is a component, of which no strain is known."""
         return self.strain.name != "strain"

@@ -11,26 +11,36 @@ from pathlib import Path
 
 import numpy as np
 
-from softnn.contracts import InputError
+from softnn import __version__
+from softnn.contracts import InputError, nearest
 from softnn.export.command import add_export
-from softnn.mismatch.commands import add_diagnose, add_simulate
+from softnn.mismatch.commands import add_demo, add_diagnose, add_simulate
+from softnn.readers.arguments import add_options, options_of
 from softnn.recording import Recording
-
-_QUANTITIES = ("time", "force", "displacement", "strain", "stress", "temperature")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; 0 when all went well, 2 for input that cannot be used."""
     parser = argparse.ArgumentParser(
-        prog="softnn", description="Recordings of soft materials, and models of them."
+        prog="softnn",
+        description="Recordings of soft materials, and models of them.",
+        epilog="To begin: softnn demo --out demo",
     )
+    parser.add_argument("--version", action="version", version=f"softnn {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_read(commands)
     add_diagnose(commands)
     add_simulate(commands)
     add_export(commands)
-    arguments = parser.parse_args(argv)
+    add_demo(commands)
+    words = sys.argv[1:] if argv is None else list(argv)
     try:
+        if words and not words[0].startswith("-") and words[0] not in commands.choices:
+            raise InputError(
+                f"no command {words[0]!r}{nearest(words[0], commands.choices)}; "
+                f"allowed: {', '.join(commands.choices)}"
+            )
+        arguments = parser.parse_args(words)
         return int(arguments.run(arguments))
     except InputError as error:
         print(f"softnn: {error}", file=sys.stderr)
@@ -48,71 +58,18 @@ def _add_read(commands: argparse._SubParsersAction) -> None:
         "read",
         help="a testing machine's files -> tidy CSV",
         description="Show what a testing machine's files hold; --out writes tidy CSV.",
+        epilog="Example: softnn read Specimen_1.csv --length 33 --area 18 --out tidy",
     )
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--out", metavar="DIR", help="write tidy CSV and a plot here")
-    for name, unit in (
-        ("length", "mm"),
-        ("area", "mm2"),
-        ("width", "mm"),
-        ("thickness", "mm"),
-        ("diameter", "mm"),
-        ("rate", "per_s"),
-        ("interval", "s"),
-    ):
-        parser.add_argument(
-            f"--{name}",
-            dest=f"{name}_{unit}",
-            type=float,
-            metavar=unit.upper(),
-            help=_READ_HELP.get(name, f"{name} of the specimen, {unit}"),
-        )
-    for name in _QUANTITIES:
-        parser.add_argument(
-            f"--{name}", default="", metavar="COLUMN", help=f"the column of {name}"
-        )
-    parser.add_argument(
-        "--unit",
-        action="append",
-        default=[],
-        metavar="COLUMN=UNIT",
-        help="unit of a column the file gives none for, e.g. 'Force=kN'",
-    )
-    parser.add_argument("--decimal", default="", choices=[".", ","])
-    parser.add_argument(
-        "--compression", action="store_true", help="the file counts compression > 0"
-    )
-    parser.add_argument(
-        "--skip-bad-cells",
-        action="store_true",
-        help="cells that are no numbers become missing values",
-    )
-    for name in ("specimen", "material", "test"):
-        parser.add_argument(f"--{name}", default="", help=f"{name}, to be recorded")
+    add_options(parser)
     parser.set_defaults(run=_run_read)
 
 
-_READ_HELP = {
-    "rate": "nominal strain rate, 1/s; without a time column it gives the time",
-    "interval": "seconds between samples, in place of a time column",
-}
-
-
 def _run_read(arguments: argparse.Namespace) -> int:
-    from softnn.readers import ReadOptions, read
+    from softnn.readers import read
 
-    units = {}
-    for pair in arguments.unit:
-        column, mark, unit = pair.rpartition("=")
-        if not mark or not column.strip() or not unit.strip():
-            raise InputError(f"--unit is {pair!r}; allowed is COLUMN=UNIT")
-        units[column.strip()] = unit.strip()
-    given = {
-        f.name: getattr(arguments, f.name)
-        for f in fields(ReadOptions)
-        if f.name != "units"
-    }
-    options = ReadOptions(**given, units=units)
+    options = options_of(arguments)
     out = Path(arguments.out) if arguments.out else None
     taken: set[str] = set()
     failures = 0

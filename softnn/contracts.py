@@ -7,9 +7,10 @@ negative. Time is axis 0; every other axis (parameter sets, columns) trails it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
@@ -43,6 +44,18 @@ class InputError(ValueError):
         # A name from outside may hold anything; the message stays one line.
         line = ": ".join(filter(None, [", ".join(place), message]))
         super().__init__(" ".join(line.split()))
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """What was probably meant, to stand behind a name that is not allowed.
+
+    >>> nearest("mullin_softening", ["slack", "mullins_softening"])
+    " (did you mean 'mullins_softening'?)"
+    >>> nearest("x", ["slack"])
+    ''
+    """
+    near = get_close_matches(name, list(allowed), 1, 0.5)
+    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ PACKAGE = ROOT / "softnn"
 ORDER = (
     ("contracts",),
     ("axes",),
-    ("recording", "metrics", "materials", "noise", "bounded", "workers"),
+    ("recording", "metrics", "materials", "noise", "bounded", "workers", "json_file"),
     ("readers", "prepare", "virtual", "models", "effects", "neural"),
     ("properties", "simulate"),
     ("fit",),
@@ -29,6 +29,7 @@ RANK = {name: i for i, row in enumerate(ORDER) for name in row}
 
 # One home for each heavy dependency: whoever replaces it edits one place.
 HOMES = {"optuna": "search", "mlflow": "tracking", "torch": "neural", "onnx": "export"}
+HOMES |= {"plotly": "report", "jinja2": "report"}
 
 
 def modules(folder: Path) -> list[Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softnn.contracts import Effect, InputError
+from softnn.contracts import Effect, InputError, nearest
 from softnn.effects.cyclic_softening import CyclicSoftening
 from softnn.effects.finite_strain import FiniteStrain
 from softnn.effects.friction_hysteresis import FrictionHysteresis
@@ -61,4 +61,5 @@ def effect(name: str, form: str | None = None) -> Effect:
                 if form is None or law.form == form:
                     return law
             raise InputError(f"effect {name!r} has no form {form!r}")
-    raise InputError(f"no effect {name!r}; allowed is {[e.id for e in EFFECTS]}")
+    names = [e.id for e in EFFECTS]
+    raise InputError(f"no effect {name!r}{nearest(name, names)}; allowed is {names}")

@@ -22,6 +22,7 @@ def add_export(commands: Any) -> None:
         description="Write a model for a controller or a finite-element code: C99 with "
         "one step function, an FMU for FMI 2.0 and 3.0, ONNX for networks, material "
         "cards that say what they cannot carry.",
+        epilog="Example: softnn export found/case/model.json --to c --out controller",
     )
     parser.add_argument("model", metavar="MODEL.json")
     parser.add_argument("--to", required=True, choices=FORMS)

@@ -7,11 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from softnn.contracts import InputError
+import numpy as np
+
+from softnn import readers
+from softnn.contracts import InputError, nearest
 from softnn.mismatch import diagnosis
-from softnn.mismatch.case import HISTORIES, Case, read_case
+from softnn.mismatch.case import ABOUT, HISTORIES, Case, read_case
 from softnn.mismatch.diagnosis import Diagnosis
 from softnn.mismatch.model_file import Stored, read_model
+from softnn.readers.tidy import read_folder
 from softnn.recording import Recording
 
 if TYPE_CHECKING:
@@ -27,9 +31,6 @@ def read(path: str | Path, **given: Any) -> list[Recording]:
     `softnn.readers.ReadOptions` (`length_mm=33, area_mm2=18 ...`) for what it does not
     say. A folder may hold an `index.csv`, or be a case. Raises `InputError`.
     """
-    from softnn import readers
-    from softnn.readers.tidy import read_folder
-
     path = Path(path)
     if not path.is_dir():
         return readers.read(path, **given)
@@ -37,19 +38,76 @@ def read(path: str | Path, **given: Any) -> list[Recording]:
         return list(read_case(path).recordings)
     if (path / "index.csv").is_file():
         return read_folder(path)
-    files = sorted(
-        f for f in path.iterdir() if f.is_file() and f.suffix.lower() in FILES
-    )
-    if not files:
-        raise InputError(
-            f"no recordings; files of these kinds are read: {', '.join(FILES)}",
-            file=path,
+    return [r for f in _files(path) for r in readers.read(f, **given)]
+
+
+def to_case(path: str | Path | Sequence[str | Path], **given: Any) -> Case:
+    """The case in a folder, or of the files in a list; `given` as for `read`.
+
+    A folder with `recordings/` or a case.toml is read as a case; of any other folder
+    every file of a kind that is read. `notes` of the case say what was not used.
+    """
+    if isinstance(path, str | Path):
+        folder = Path(path)
+        if not folder.is_dir() or _is_case(folder):
+            return read_case(folder)
+        case = _case(read(folder, **given), folder.resolve().name)
+        left = [f.name for f in sorted(folder.iterdir()) if f.is_file()]
+        left = [
+            n for n in left if n not in {f.name for f in _files(folder)} | set(ABOUT)
+        ]
+        return replace(
+            case,
+            folder=folder,
+            notes=tuple(f"{n}: not a kind of file read" for n in left),
         )
-    return [r for f in files for r in readers.read(f, **given)]
+    files = [Path(f) for f in path]
+    name = files[0].stem if len(files) == 1 else files[0].resolve().parent.name
+    return _case([r for f in files for r in readers.read(f, **given)], name)
+
+
+def inferred(case: Case, model: str | None = None) -> list[str]:
+    """What was understood of a case, in a line a recording and one for all."""
+    lines = []
+    for r in case.recordings:
+        read_ = next((s.arguments for s in r.log if s.name == "read"), {})
+        low, high = np.nanmin(r.strain), np.nanmax(r.strain)
+        way = "tension" if high > -low else "compression"
+        lines.append(
+            f"{r.name}: {len(r)} samples, {r.time_s[-1] - r.time_s[0]:.4g} s, strain "
+            f"{low:.3g} to {high:.3g} ({way}), stress {np.nanmin(r.stress_MPa):.3g} to "
+            f"{np.nanmax(r.stress_MPa):.3g} MPa, read as "
+            f"{read_.get('dialect', 'tidy CSV')}"
+        )
+    specimens = len(set(case.specimen.values())) or 1
+    base = model or case.model
+    if base is None:
+        base = "the column simulated_MPa" if case.simulated_MPa else diagnosis.DEFAULT
+    begins = "at rest" if case.history == "fresh" else "where the one before ended"
+    lines.append(
+        f"{case.name}: {len(case.recordings)} recording(s) of {specimens} specimen(s), "
+        f"each begins {begins}; base: {base}"
+    )
+    return lines
 
 
 def _is_case(folder: Path) -> bool:
     return (folder / "recordings").is_dir() or (folder / "case.toml").is_file()
+
+
+def _files(folder: Path) -> list[Path]:
+    """Files of kinds that are read. Raises `InputError` where there are none."""
+    files = sorted(
+        f
+        for f in folder.iterdir()
+        if f.is_file() and f.suffix.lower() in FILES and f.name not in ABOUT
+    )
+    if not files:
+        raise InputError(
+            f"no recordings; files of these kinds are read: {', '.join(FILES)}",
+            file=folder,
+        )
+    return files
 
 
 def diagnose(
@@ -81,16 +139,15 @@ def diagnose(
     np.float64(0.4)
     """
     if isinstance(recordings, str | Path):
-        folder = Path(recordings)
-        if not folder.is_dir() or _is_case(folder):
-            recordings = read_case(folder)
-        else:
-            recordings = _case(read(folder), folder.resolve().name)
+        recordings = to_case(recordings)
     elif not isinstance(recordings, Case):
         recordings = _case(recordings, "recordings")
     case = recordings
     if history not in HISTORIES:
-        raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
+        raise InputError(
+            f"history is {history!r}{nearest(history, HISTORIES)}; allowed: "
+            f"{list(HISTORIES)}"
+        )
     if history != "fresh":
         case = replace(case, history=history)
     if specimen is not None:
@@ -117,7 +174,9 @@ def _case(recordings: Sequence[Recording], name: str) -> Case:
         one if one.name else replace(one, name=f"r{i}")
         for i, one in enumerate(recordings)
     )
-    return Case(name, tuple(named))
+    case = Case(name, tuple(named))
+    specimens = {r.name: r.specimen for r in case.recordings if r.specimen}
+    return replace(case, specimen=specimens)
 
 
 def load_model(path: str | Path) -> Stored | StoredNetwork:

@@ -10,13 +10,14 @@ import numpy as np
 import pandas as pd
 
 from softnn.axes import common
-from softnn.contracts import Array, Chunk, InputError
+from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.fit import Data
 from softnn.models.units import BASES
 from softnn.readers.tidy import read_text, read_tidy
 from softnn.recording import Recording
 
 KEYS = ("model", "history", "specimen")
+ABOUT = ("case.toml", "index.csv", "README.md", "SOURCE.md")  # no recordings
 HISTORIES = ("fresh", "continued")
 LARGEST_STRAIN = 15.0  # 1500 %: beyond what any elastomer here stands
 LARGEST_STRESS_MPa = 2000.0
@@ -35,6 +36,7 @@ class Case:
     specimen: dict[str, str] = field(default_factory=dict)
     simulated_MPa: tuple[Array, ...] | None = None
     folder: Path | None = None
+    notes: tuple[str, ...] = ()  # what was inferred of the input, or is odd in it
 
     def groups(self) -> list[tuple[int, ...]]:
         """Recordings of each specimen, where several are named; else nothing."""
@@ -54,8 +56,12 @@ def read_case(folder: str | Path) -> Case:
             "no such folder; a case is a folder with recordings/*.csv", file=folder
         )
     inner = folder / "recordings"
-    files = sorted((inner if inner.is_dir() else folder).glob("*.csv"))
-    files = [f for f in files if f.name != "index.csv"]
+    inner = inner if inner.is_dir() else folder
+    files: list[Path] = []
+    ignored: list[Path] = []
+    for f in sorted(inner.iterdir()):
+        if f.is_file() and f.name not in ABOUT and not f.name.startswith("."):
+            (files if f.suffix.lower() == ".csv" else ignored).append(f)
     if not files:
         raise InputError("no recordings; a case needs recordings/*.csv", file=folder)
     about = _about(folder / "case.toml")
@@ -92,6 +98,7 @@ def read_case(folder: str | Path) -> Case:
         specimen,
         tuple(s for s in simulated if s is not None) or None,
         folder,
+        tuple(f"{f.name} beside the recordings was not read: no .csv" for f in ignored),
     )
 
 
@@ -104,7 +111,10 @@ def _about(path: Path) -> dict:
         raise InputError(f"not TOML: {error}", file=path) from None
     for key, value in about.items():
         if key not in KEYS:
-            raise InputError(f"unknown key {key!r}; allowed: {list(KEYS)}", file=path)
+            raise InputError(
+                f"unknown key {key!r}{nearest(key, KEYS)}; allowed: {list(KEYS)}",
+                file=path,
+            )
         if key == "specimen":
             if not isinstance(value, dict) or not all(
                 isinstance(v, str) for v in value.values()
@@ -198,7 +208,8 @@ def _simulated(file: Path, column: str, n: int) -> Array | None:
 def check_model(name: str) -> None:
     if name not in BASES:
         raise InputError(
-            f"no model {name!r}; allowed: {', '.join(BASES)}, or a model.json"
+            f"no model {name!r}{nearest(name, BASES)}; allowed: {', '.join(BASES)}, "
+            "or a model.json"
         )
 
 

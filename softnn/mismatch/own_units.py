@@ -70,7 +70,7 @@ def tell(result: dict[str, Any], axes: Axes) -> None:
     for region in result["mismatch"]:
         region[x.column] = [v * x.one for v in region.pop("strain")]
         rate = [v * x.one for v in region.pop("rate_per_s")]
-        region[f"{x.column}_per_s"] = rate
+        region[axes.rate_key] = rate
     for told in result["explanations"]:
         law = effect(told["effect"], told["form"])
         declared = {p.name: p for p in law.parameters}

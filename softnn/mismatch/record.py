@@ -1,4 +1,4 @@
-"""Diagnoses in MLflow: a run a case, with its errors and its figures."""
+"""Diagnoses in MLflow: a run a case, with its errors and its report."""
 
 from __future__ import annotations
 
@@ -41,5 +41,5 @@ def log(uri: str, folders: Sequence[Path], seed: int) -> None:
                     "seconds": result["seconds"],
                 },
                 note=result["summary"],
-                files=[*sorted(folder.glob("*.png")), file, folder / "model.json"],
+                files=[folder / "report.html", file, folder / "model.json"],
             )

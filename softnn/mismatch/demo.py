@@ -1,0 +1,78 @@
+"""Virtual recordings with an effect concealed in them, for a first look."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from softnn.contracts import Array, Chunk, Effect
+from softnn.effects import effect
+from softnn.fit import Data
+from softnn.models.units import Units
+from softnn.recording import Recording
+from softnn.simulate import Term, simulate
+
+# A soft silicone: a spring that stiffens, a quick branch and a slow one.
+MATERIAL = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.4, 8.0))
+STIFFNESS_MPa = np.array([0.5, 0.6, 0.25, 0.2])
+NOISE = 0.004  # of the largest stress
+SAMPLES = 300  # a recording, as a rule
+WARMING_C = 20.0  # over a recording, where an effect needs it
+
+
+def conceal(folder: Path, name: str, seed: int = 0) -> list[str]:
+    """Write recordings with the effect `name` into folder/recordings; their names.
+
+    The folder is a case as any other: nothing in it tells what was concealed. Raises
+    `InputError` for an effect that is not known.
+    """
+    law = effect(name)
+    chunks = [*_programmes(), law.telltale()]
+    if law.needs_temperature:
+        chunks = [replace(c, temperature_C=_warming(c)) for c in chunks]
+    clean = simulate(MATERIAL, STIFFNESS_MPa, [], chunks)
+    terms = [Term(law, _planted(law, chunks, clean))]
+    truth = simulate(MATERIAL, STIFFNESS_MPa, terms, chunks)
+    sigma = NOISE * max(float(np.abs(s).max()) for s in truth)
+    rng = np.random.default_rng(seed)
+    target = folder / "recordings"
+    target.mkdir(parents=True, exist_ok=True)
+    names = []
+    for i, (chunk, stress) in enumerate(zip(chunks, truth, strict=True), start=1):
+        noisy = stress + sigma * rng.standard_normal(len(stress))
+        one = Recording(chunk.time_s, chunk.strain, noisy, chunk.temperature_C)
+        one.to_frame().to_csv(
+            target / f"test-{i}.csv", index=False, float_format="%.7g"
+        )
+        names.append(f"test-{i}")
+    return names
+
+
+def _planted(law: Effect, chunks: list[Chunk], stress: list[Array]) -> dict:
+    """A clear effect, of the size of these recordings, in the last of them at least."""
+    data = Data(tuple(map(str, range(len(chunks)))), tuple(chunks), tuple(stress))
+    return law.defaults() | law.starts(data.scales())[0]
+
+
+def _programmes() -> list[Chunk]:
+    """Ramps at three rates, growing cycles with each amplitude twice, and a hold."""
+    return [
+        _through([0, 0.6, 0], 0.02),
+        _through([0, 0.6, 0], 0.2),
+        _through([0, 0.2, 0, 0.2, 0, 0.4, 0, 0.4, 0, 0.6, 0], 0.05),
+        _through([0, 0.4, 0.4, 0.1], 0.1),
+    ]
+
+
+def _through(levels: list[float], rate: float) -> Chunk:
+    """Straight strain between levels at a rate [1/s]; equal levels hold for 60 s."""
+    steps = np.abs(np.diff(levels)) / rate
+    corners = np.concatenate([[0.0], np.cumsum(np.where(steps > 0, steps, 60.0))])
+    time = np.linspace(0.0, corners[-1], SAMPLES)
+    return Chunk(time, np.interp(time, corners, levels))
+
+
+def _warming(chunk: Chunk) -> Array:
+    return 20 + WARMING_C * chunk.time_s / chunk.time_s[-1]

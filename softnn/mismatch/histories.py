@@ -1,0 +1,120 @@
+"""What `softnn simulate` reads, and what its model does not know of it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from softnn.axes import Axes
+from softnn.contracts import Array, Chunk, InputError
+from softnn.mismatch.model_file import Stored
+from softnn.readers.tidy import read_text
+
+SLACK = 0.01  # of the range of strain, by which one may lie beside it
+
+
+def outside(flags: Any) -> str:
+    """How many samples a network was asked beyond its training."""
+    from softnn.neural import counted
+
+    count = dict(counted(flags))
+    del count["samples"]
+    total = count.pop("outside")
+    by = ", ".join(f"{word} {n}" for word, n in count.items() if n)
+    return f", {total} outside the training" + (f" ({by})" if total else "")
+
+
+def beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[str]:
+    """What a corrected model does not know of these recordings, in a line each."""
+    if not isinstance(model, Stored):
+        return []
+    lines = []
+    axis = model.axes.strain
+    low, high = (axis.one * model.units.knots[i] for i in (0, -1))
+    unit = f" {axis.unit}" if model.axes.component else ""
+    slack = SLACK * (high - low)
+    far = [
+        name
+        for name, chunk in zip(names, chunks, strict=True)
+        if chunk.strain.min() < low - slack or chunk.strain.max() > high + slack
+    ]
+    if far:
+        lines.append(
+            f"{_some(far)}: {axis.name} beyond {low:.4g} to {high:.4g}{unit}, which "
+            "the model was made from"
+        )
+    own: set[str] = set()
+    inner: Any = model
+    while isinstance(inner, Stored):
+        own |= {n for piece in inner.own for values in piece.values() for n in values}
+        inner = inner.simulation
+    new = [name for name in names if name not in own]
+    if own and new:
+        lines.append(
+            f"{_some(new)}: unknown to the model by name; own values of that recording "
+            f"are off (it knows {_some(sorted(own))})"
+        )
+    return lines
+
+
+def _some(names: Sequence[str], most: int = 3) -> str:
+    """Names in a line: the first few, and how many more."""
+    shown = ", ".join(" ".join(n.split())[:60] for n in names[:most])
+    more = len(names) - most
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def read_history(file: Path, axes: Axes) -> Any:
+    """Columns of a recording, stress not needed."""
+    try:
+        frame = pd.read_csv(io.StringIO(read_text(file)))
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise InputError(f"not a CSV table: {error}", file=file) from None
+    frame.columns = [str(c).strip() for c in frame.columns]
+    for column in axes.columns[:2]:
+        if column not in frame.columns:
+            raise InputError("no such column", file=file, row=1, column=column)
+    for column in frame.columns:
+        if column not in (*axes.columns, "temperature_C", axes.simulated):
+            continue
+        values = pd.to_numeric(frame[column], errors="coerce")
+        text = values.isna() & frame[column].notna()
+        if text.any():
+            i = int(text.to_numpy().argmax())
+            raise InputError(
+                f"{str(frame[column].iloc[i])[:40]!r} is not a number",
+                file=file,
+                row=i + 2,
+                column=column,
+            )
+        frame[column] = values.astype(float)
+    if len(frame) < 1:
+        raise InputError("no rows", file=file)
+    time = frame["time_s"].to_numpy(float)
+    if np.isnan(time).any():
+        i = int(np.isnan(time).argmax())
+        raise InputError("no time", file=file, row=i + 2, column="time_s")
+    back = np.diff(time) < 0
+    if back.any():
+        raise InputError(
+            "time goes backwards",
+            file=file,
+            row=int(back.argmax()) + 3,
+            column="time_s",
+        )
+    return frame
+
+
+def bridged(values: Array, time: Array) -> Array:
+    """The values (n,), missing ones straight in time between their neighbours."""
+    bad = ~np.isfinite(values)
+    if bad.all():
+        raise InputError("a column of strain or simulation holds no number at all")
+    values = np.array(values)
+    values[bad] = np.interp(time[bad], time[~bad], values[~bad])
+    return values

@@ -1,0 +1,80 @@
+"""A diagnosis as one HTML page that opens with no server and no network.
+
+`page` says what stands on it, `where` puts regions into words, `picture` packs what is
+drawn; `report.html`, `index.html`, `style.css` and `picture.js` are its looks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from softnn.json_file import plain as in_json
+from softnn.report.page import VERDICTS, Found, contents
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["Found", "write_index", "write_report"]
+
+
+def write_report(found: Found, folder: str | Path) -> list[Path]:
+    """Write report.html of a diagnosis into `folder`; the files written."""
+    from softnn.report.picture import library, pack, recordings
+
+    text = (
+        _templates()
+        .get_template("report.html")
+        .render(
+            contents(found),
+            stored=in_json(found.result),
+            pictures=pack(recordings(found)),
+            library=library(),
+        )
+    )
+    return [_write(Path(folder) / "report.html", text)]
+
+
+def write_index(rows: Sequence[Mapping[str, Any]], folder: str | Path) -> Path:
+    """Write index.html, a row a case: `case`, and `result` or `error`; the page.
+
+    `page` of a row is the address of its report, from `folder`.
+    """
+    entries = [
+        {
+            "result": None,
+            "error": "",
+            **row,
+            "link": quote(str(row["page"])) if row.get("page") else "",
+            "verdict": VERDICTS[row["result"]["verdict"]] if row.get("result") else "",
+        }
+        for row in rows
+    ]
+    text = _templates().get_template("index.html").render(rows=entries)
+    return _write(Path(folder) / "index.html", text)
+
+
+def _write(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@cache
+def _templates() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from softnn.report.page import number, opened, percent, plain
+
+    # Names come from files of anybody: nothing is printed that is not escaped.
+    made = Environment(
+        loader=PackageLoader("softnn.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters.update(number=number, percent=percent, plain=plain, opened=opened)
+    return made

@@ -1,0 +1,113 @@
+"""What the picture of a report draws, small enough to lie in the page."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softnn.contracts import Array, Chunk
+from softnn.report.page import Found
+
+SAMPLES = 60_000  # on one page; a screen has 2 000 columns
+LEAST, MOST = 300, 6000  # samples a recording
+DIGITS = 6
+
+
+def recordings(found: Found) -> list[dict[str, Any]]:
+    """A dict a recording: name, columns as lists (n,), regions as [start, end] in s.
+
+    Time is counted from the start of the recording, stress in MPa.
+    """
+    names = [r.name for r in found.case.recordings]
+    most = int(np.clip(SAMPLES // max(len(names), 1), LEAST, MOST))
+    changed = bool(found.result["selected"])
+    out = []
+    for i, name in enumerate(names):
+        time = found.time_s[i]
+        keep = kept(found.measured[i] - found.before[i], most)
+        columns = {
+            "time": time - time[0],
+            "strain": found.strain[i],
+            "measured": found.measured[i],
+            "before": found.before[i],
+            "after": found.after[i] if changed else None,
+        }
+        out.append(
+            {
+                "name": name,
+                "samples": len(time),
+                "regions": [
+                    [float(r["start_s"] - time[0]), float(r["end_s"] - time[0])]
+                    for r in found.result["mismatch"]
+                    if r["recording"] == name
+                ],
+                **{
+                    k: None if v is None else _short(v[keep])
+                    for k, v in columns.items()
+                },
+            }
+        )
+    return out
+
+
+def kept(values: Array, most: int) -> NDArray[np.intp]:
+    """Indices (`most` + 2 at the most,) to draw: of each stretch the two extremes.
+
+    >>> kept(np.array([0.0, 0.0, 9.0, 0.0, 0.0, -9.0, 0.0, 0.0]), 4)
+    array([0, 2, 4, 5, 7])
+    """
+    n = len(values)
+    if n <= most:
+        return np.arange(n)
+    filled = np.where(np.isfinite(values), values, 0.0)
+    edges = np.linspace(0, n, most // 2 + 1).astype(int)
+    chosen = {0, n - 1}
+    for a, b in pairwise(edges):
+        piece = filled[a:b]
+        chosen |= {a + int(np.argmin(piece)), a + int(np.argmax(piece))}
+    return np.array(sorted(chosen))
+
+
+def _short(values: Array) -> list[float | None]:
+    """Numbers of a few digits, as JSON wants them: none where there is no value."""
+    return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in values]
+
+
+def pack(value: Any) -> str:
+    """JSON, zipped, as text of letters and digits: no name in it can end a script."""
+    raw = json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
+    return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode("ascii")
+
+
+@cache
+def library() -> str:
+    """The script that draws, zipped: 2 MB a page in place of 5."""
+    from plotly.offline import get_plotlyjs
+
+    raw = get_plotlyjs().encode()
+    return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode("ascii")
+
+
+def sketch(chunk: Chunk, width: float = 320.0, height: float = 110.0) -> dict[str, Any]:
+    """A strain programme as points of an SVG line, with its ends in s and strain."""
+    time, strain = chunk.time_s - chunk.time_s[0], np.asarray(chunk.strain)
+    keep = kept(strain, 600)
+    low, high = min(float(strain.min()), 0.0), max(float(strain.max()), 0.0)
+    x = width * time[keep] / max(float(time[-1]), 1e-300)
+    y = height * (high - strain[keep]) / max(high - low, 1e-300)
+    return {
+        "points": " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True)),
+        "width": width,
+        "height": height,
+        "seconds": float(time[-1]),
+        "low": low,
+        "high": high,
+        "zero": height * high / max(high - low, 1e-300),
+    }
