@@ -285,10 +285,14 @@ class Told:
 
     @property
     def helps(self) -> bool:
-        """Whether recordings left out are foretold better, by more than a little."""
+        """Whether recordings left out are foretold better, by more than a little.
+
+        Where their error is the noise, there is nothing that could be taken from it.
+        """
         old, new = self.before[0].sum(), self.after[0].sum()
         least = float(np.sum(self.engine.sigma**2))
-        return bool(old - new > HELPS * max(old - least, 0.0))
+        over = old - least
+        return bool(over < NEAR * least or old - new > HELPS * over)
 
     @property
     def left(self) -> float:
