@@ -14,7 +14,7 @@ PACKAGE = ROOT / "softnn"
 ORDER = (
     ("contracts",),
     ("recording", "metrics", "materials", "noise", "bounded", "workers", "json_file"),
-    ("readers", "prepare", "virtual", "models", "effects", "neural"),
+    ("plausible", "readers", "prepare", "virtual", "models", "effects", "neural"),
     ("properties", "simulate"),
     ("fit",),
     ("crossval",),
