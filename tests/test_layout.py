@@ -15,7 +15,7 @@ ORDER = (
     ("contracts",),
     ("axes",),
     ("recording", "metrics", "materials", "noise", "bounded", "workers", "json_file"),
-    ("readers", "prepare", "virtual", "models", "effects", "neural"),
+    ("plausible", "readers", "prepare", "virtual", "models", "effects", "neural"),
     ("properties", "simulate"),
     ("fit",),
     ("crossval",),

@@ -15,6 +15,7 @@ from softnn.mismatch import diagnosis
 from softnn.mismatch.case import ABOUT, HISTORIES, Case, read_case
 from softnn.mismatch.diagnosis import Diagnosis
 from softnn.mismatch.model_file import Stored, read_model
+from softnn.plausible import check_plausible
 from softnn.readers.tidy import read_folder
 from softnn.recording import Recording
 
@@ -41,26 +42,38 @@ def read(path: str | Path, **given: Any) -> list[Recording]:
     return [r for f in _files(path) for r in readers.read(f, **given)]
 
 
-def to_case(path: str | Path | Sequence[str | Path], **given: Any) -> Case:
+def to_case(
+    path: str | Path | Sequence[str | Path], as_is: bool = False, **given: Any
+) -> Case:
     """The case in a folder, or of the files in a list; `given` as for `read`.
 
     A folder with `recordings/` or a case.toml is read as a case; of any other folder
-    every file of a kind that is read. `notes` of the case say what was not used.
+    every file of a kind that is read. `notes` of the case say what was not used, and
+    what is odd; implausible numbers are refused unless they are right `as_is`.
     """
+    return plausible(_read_case(path, given), as_is)
+
+
+def plausible(case: Case, as_is: bool = False) -> Case:
+    """The case with notes on what is odd in its recordings. Raises `InputError`."""
+    if as_is:
+        return case
+    notes = [n for r in case.recordings for n in check_plausible(r)]
+    return replace(case, notes=(*case.notes, *notes))
+
+
+def _read_case(
+    path: str | Path | Sequence[str | Path], given: Mapping[str, Any]
+) -> Case:
     if isinstance(path, str | Path):
         folder = Path(path)
         if not folder.is_dir() or _is_case(folder):
             return read_case(folder)
         case = _case(read(folder, **given), folder.resolve().name)
+        used = {f.name for f in _files(folder)} | set(ABOUT)
         left = [f.name for f in sorted(folder.iterdir()) if f.is_file()]
-        left = [
-            n for n in left if n not in {f.name for f in _files(folder)} | set(ABOUT)
-        ]
-        return replace(
-            case,
-            folder=folder,
-            notes=tuple(f"{n}: not a kind of file read" for n in left),
-        )
+        notes = tuple(f"{n}: not a kind of file read" for n in left if n not in used)
+        return replace(case, folder=folder, notes=notes)
     files = [Path(f) for f in path]
     name = files[0].stem if len(files) == 1 else files[0].resolve().parent.name
     return _case([r for f in files for r in readers.read(f, **given)], name)
@@ -117,6 +130,7 @@ def diagnose(
     history: str = "fresh",
     specimen: Mapping[str, str] | None = None,
     seed: int = 0,
+    as_is: bool = False,
 ) -> Diagnosis:
     """What a simulation of these recordings leaves out, and how sure that is.
 
@@ -124,7 +138,7 @@ def diagnose(
     model.json or what `load_model` gave; None is what a case says, else pl-wiechert.
     `history`: "fresh" where each recording begins at rest, "continued" where it goes on
     from the one before. `specimen`: of each recording by name, where there are several.
-    Raises `InputError`.
+    `as_is`: take implausible numbers as they stand. Raises `InputError`.
 
     >>> import numpy as np
     >>> time = np.linspace(0, 20, 201)
@@ -139,9 +153,9 @@ def diagnose(
     np.float64(0.4)
     """
     if isinstance(recordings, str | Path):
-        recordings = to_case(recordings)
+        recordings = to_case(recordings, as_is)
     elif not isinstance(recordings, Case):
-        recordings = _case(recordings, "recordings")
+        recordings = plausible(_case(recordings, "recordings"), as_is)
     case = recordings
     if history not in HISTORIES:
         raise InputError(

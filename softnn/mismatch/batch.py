@@ -36,6 +36,7 @@ class Job:
     seed: int = 0
     resume: bool = False
     options: ReadOptions = field(default_factory=ReadOptions)
+    as_is: bool = False  # take implausible numbers as they stand
     aloud: bool = False  # whether to say what was inferred before it starts
     command: str = ""
 
@@ -98,7 +99,7 @@ def diagnose_one(job: Job) -> Outcome:
     from softnn.mismatch import diagnose
 
     try:
-        case = to_case(job.source, options=job.options)
+        case = to_case(job.source, job.as_is, options=job.options)
         if job.aloud:
             # What was understood is for who looks on; what is odd is for everybody.
             said = inferred(case, job.model) if sys.stderr.isatty() else []

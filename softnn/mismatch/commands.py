@@ -50,6 +50,9 @@ def add_diagnose(commands: Any) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print what was found as JSON, nothing else"
     )
+    parser.add_argument(
+        "--as-is", action="store_true", help="take implausible numbers as they stand"
+    )
     add_options(parser)
     parser.set_defaults(run=diagnose)
 
@@ -67,6 +70,9 @@ def add_simulate(commands: Any) -> None:
     parser.add_argument("model", metavar="MODEL.json")
     parser.add_argument("recordings", nargs="+", metavar="RECORDING.csv")
     parser.add_argument("--out", required=True, metavar="DIR")
+    parser.add_argument(
+        "--as-is", action="store_true", help="take implausible numbers as they stand"
+    )
     parser.set_defaults(run=simulate)
 
 
@@ -103,6 +109,7 @@ def diagnose(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         resume=arguments.resume,
         options=options_of(arguments),
+        as_is=arguments.as_is,
         aloud=len(arguments.cases) == 1 and not arguments.json,
     )
     rows: list[dict[str, Any]] = [{} for _ in jobs]
@@ -146,7 +153,13 @@ def simulate(arguments: argparse.Namespace) -> int:
     import pandas as pd
 
     from softnn.mismatch import batch
-    from softnn.mismatch.histories import beyond, bridged, outside, read_history
+    from softnn.mismatch.histories import (
+        beyond,
+        bridged,
+        check_reach,
+        outside,
+        read_history,
+    )
     from softnn.mismatch.model_file import read_model
 
     model = read_model(arguments.model)
@@ -174,6 +187,8 @@ def simulate(arguments: argparse.Namespace) -> int:
             else bridged(simulated.to_numpy(float), time)
         )
         measured.append(frame.get(axes.stress.column))
+    if not arguments.as_is:
+        check_reach(model, stems, chunks)
     stress = model.stress(stems, chunks, given)
     for line in beyond(model, stems, chunks):
         print(f"softnn: {line}", file=sys.stderr)

@@ -16,6 +16,7 @@ from softnn.mismatch.model_file import Stored
 from softnn.readers.tidy import read_text
 
 SLACK = 0.01  # of the range of strain, by which one may lie beside it
+FAR = 20.0  # of the largest strain of a model: nothing is foretold there
 
 
 def outside(flags: Any) -> str:
@@ -60,6 +61,22 @@ def beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[st
             f"are off (it knows {_some(sorted(own))})"
         )
     return lines
+
+
+def check_reach(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> None:
+    """Raise `InputError` for strain so far outside a model that it is in per cent."""
+    if not isinstance(model, Stored) or model.axes.component:
+        return
+    reach = max(abs(k) for k in model.units.knots)
+    for name, chunk in zip(names, chunks, strict=True):
+        top = float(np.abs(chunk.strain).max())
+        if top > FAR * reach:
+            raise InputError(
+                f"strain reaches {top:.4g}, the model was made from up to {reach:.4g}; "
+                "is it in per cent? Divide it by 100. If it is right, say --as-is",
+                file=name,
+                column="strain",
+            )
 
 
 def _some(names: Sequence[str], most: int = 3) -> str:

@@ -1,0 +1,150 @@
+"""Is this a recording of a soft material? Wrong units, signs and columns, noticed.
+
+Nothing here knows a model. What is measured: the stiffness (range of stress over range
+of strain) against that of soft materials, 1 kPa to 100 MPa; whether stress goes with
+strain or against it; which of the two was imposed, straight in time between corners;
+and whether a loop of loading and unloading takes work, as every passive material does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from softnn.contracts import Array, InputError
+from softnn.recording import Recording
+
+SOFTEST_MPa, STIFFEST_MPa = 1e-3, 100.0
+LARGE = 7.0  # of strain: few elastomers reach it
+SLOWEST_per_s, FASTEST_per_s = 3e-5, 10.0  # of strain, where it moves most
+AGAINST = -0.5  # correlation of stress and strain, below which one is reversed
+GIVEN = -0.02  # of the work put in, that a loop gives back beyond it
+CLOSED = 0.2  # of the range of strain, between the ends of a loop
+STRAIGHTER = 0.3  # of the other's deviation from straight lines: was imposed
+FEWEST = 16  # samples, below which nothing is judged
+
+
+def check_plausible(recording: Recording, file: str | Path | None = None) -> list[str]:
+    """Notes, a line each, on what is odd. Raises `InputError` for what must be wrong.
+
+    Of a component, which may be of any stiffness, nothing is known. An error says what
+    to do; `as_is` of whoever asks takes the numbers as they stand.
+    """
+    good = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
+    time = recording.time_s[good]
+    strain, stress = recording.strain[good], recording.stress_MPa[good]
+    if recording.axes.component or len(time) < FEWEST or np.ptp(strain) == 0:
+        return []
+    where = file if file is not None else recording.name or None
+
+    def refuse(message: str, column: str) -> None:
+        raise InputError(
+            f"{message}. If it is right, say --as-is", file=where, column=column
+        )
+
+    if np.ptp(stress) == 0:
+        refuse(
+            f"stress is {stress[0]:.4g} MPa throughout while strain moves; is the "
+            "channel connected, and the column the right one?",
+            "stress_MPa",
+        )
+    _against(strain, stress, refuse)
+    if imposed_is_stress(time, strain, stress):
+        refuse(
+            "stress runs straight in time and strain does not, and a loop gives back "
+            "more work than it takes; are the columns of strain and stress swapped?",
+            "strain",
+        )
+    stiffness = float(np.ptp(stress) / np.ptp(strain))
+    if stiffness > STIFFEST_MPa:
+        refuse(
+            f"stiffness is {stiffness:.4g} MPa, soft materials have {SOFTEST_MPa:g} to "
+            f"{STIFFEST_MPa:g}; is stress in kPa or Pa, or a force? It must be in MPa",
+            "stress_MPa",
+        )
+    if stiffness < SOFTEST_MPa:
+        large = np.abs(strain).max() > 1
+        refuse(
+            f"stiffness is {stiffness:.4g} MPa, soft materials have {SOFTEST_MPa:g} to "
+            f"{STIFFEST_MPa:g}; "
+            + (
+                "is strain in per cent? Divide it by 100"
+                if large
+                else "is stress in GPa? It must be in MPa"
+            ),
+            "strain" if large else "stress_MPa",
+        )
+    return [f"{recording.name}: {note}" for note in _notes(time, strain, stress)]
+
+
+def _against(strain: Array, stress: Array, refuse: Callable[[str, str], None]) -> None:
+    together = float(np.corrcoef(strain, stress)[0, 1])
+    if together < AGAINST:
+        refuse(
+            f"stress falls as strain grows (correlation {together:.2g}); one of them "
+            "has its sign reversed: tension is positive, compression negative, in both",
+            "strain",
+        )
+
+
+def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
+    notes = []
+    top = float(np.abs(strain).max())
+    if top > LARGE:
+        notes.append(
+            f"strain reaches {top:.3g}, that is {100 * top:.4g} %; if it is in per "
+            "cent, divide it by 100"
+        )
+    step = np.diff(time)
+    rates = np.abs(np.diff(strain))[step > 0] / step[step > 0]
+    rate = float(np.quantile(rates, 0.95)) if len(rates) else 0.0
+    if 0 < rate < SLOWEST_per_s:
+        notes.append(
+            f"strain moves by {rate:.2g} 1/s at most; if time is in ms, divide it "
+            "by 1000"
+        )
+    if rate > FASTEST_per_s:
+        notes.append(
+            f"strain moves by {rate:.3g} 1/s; if time is in min or h, "
+            "multiply it by 60 or 3600"
+        )
+    first = float(np.median(stress[: max(len(stress) // 200, 1)]))
+    if abs(strain[0]) < 0.01 * np.ptp(strain) and abs(first) > 0.5 * np.ptp(stress):
+        notes.append(
+            f"stress begins at {first:.3g} MPa with no strain; an offset, or a preload?"
+        )
+    return notes
+
+
+def imposed_is_stress(time: Array, strain: Array, stress: Array) -> bool:
+    """Whether stress was the imposed one: the columns are swapped.
+
+    A machine imposes strain, straight in time between corners. Both must say so: which
+    channel is straight, and the work of a loop, which swapping makes negative.
+    """
+    step = np.diff(strain)
+    mean = (stress[1:] + stress[:-1]) / 2
+    put_in = float(np.abs(mean * step).sum())
+    closed = abs(strain[-1] - strain[0]) < CLOSED * np.ptp(strain)
+    if not closed or put_in == 0 or float((mean * step).sum()) > GIVEN * put_in:
+        return False
+    return bent(time, stress) < STRAIGHTER * bent(time, strain)
+
+
+def bent(time: Array, values: Array, pieces: int = 16) -> float:
+    """Typical deviation from straight lines over stretches of time, over the range.
+
+    >>> time = np.linspace(0, 1, 400)
+    >>> bent(time, 1 - np.abs(2 * time - 1)) < 1e-9 < 1e-4 < bent(time, time**2)
+    True
+    """
+    out = []
+    for index in np.array_split(np.arange(len(time)), pieces):
+        if len(index) < 3 or np.ptp(time[index]) == 0:
+            continue
+        x = time[index] - time[index].mean()
+        y = values[index] - values[index].mean()
+        out.append(float(np.std(y - x * (x @ y) / (x @ x))))
+    return float(np.median(out) / np.ptp(values)) if out else 0.0
