@@ -2,109 +2,134 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
 from softnn.crossval import Folds, make_folds, rate_groups, score
-from softnn.metrics import nrmse
+from softnn.metrics import generalisation_error, nrmse
 from softnn.neural import (
+    ARCHITECTURES,
+    Network,
     Regularisation,
     Samples,
     Seen,
     StoredNetwork,
     Trained,
+    fit_samples,
+    run,
     samples,
-    train,
 )
+from softnn.neural import Settings as Training
 from studies.material_data import Data
 from studies.settings import Settings
+
+DEFAULTS = Training()
+KEPT = 8  # training sets held at once; a lag that is sought makes a new one each trial
 
 
 class Trainer:
     """Cross-validated networks on one material: `trainer(parameters)` is one trial.
 
-    `parameters` may hold neurons, split, inputs, regularisation and folds_seed; the
-    rest is as in the settings. A trial gives its generalisation error (thesis eq. 6.7)
-    and, ready for JSON, everything about it that is kept.
+    `parameters` may hold neurons, split, inputs, lag_s, regularisation and folds_seed;
+    the rest is as in the settings. A trial gives its generalisation error (thesis eq.
+    6.7) and, ready for JSON, everything about it that is kept.
     """
 
-    def __init__(self, data: Data, settings: Settings) -> None:
-        self.data, self.settings = data, settings
-        self._samples: dict[str, Samples] = {}
+    def __init__(
+        self, data: Data, settings: Settings, training: Training = DEFAULTS
+    ) -> None:
+        self.data, self.settings, self.training = data, settings, training
+        self._samples: dict[tuple[str, float | None], Samples] = {}
 
-    def samples(self, inputs: str) -> Samples:
+    def samples(self, inputs: str, lag_s: float | None = None) -> Samples:
         """The training set of an input architecture, or the fraction asked for."""
-        if inputs not in self._samples:
-            whole = samples(self.data.tensile, inputs)
+        key = (inputs, lag_s)
+        if key not in self._samples:
+            whole = samples(self.data.tensile, inputs, lag_s)
             if self.settings.fraction < 1:
                 rng = np.random.default_rng([self.settings.seed, 10])
                 size = round(self.settings.fraction * len(whole.target))
-                index = np.sort(rng.choice(len(whole.target), size, replace=False))
-                whole = replace(
-                    whole,
-                    inputs=whole.inputs[index],
-                    target=whole.target[index],
-                    recording=whole.recording[index],
-                )
-            self._samples[inputs] = whole
-        return self._samples[inputs]
+                chosen = rng.choice(len(whole.target), size, replace=False)
+                whole = whole.take(np.sort(chosen))
+            if len(self._samples) >= KEPT:
+                self._samples.pop(next(iter(self._samples)))
+            self._samples[key] = whole
+        return self._samples[key]
 
-    def folds(self, split: str, inputs: str, seed: int) -> Folds:
+    def chosen(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """All of a configuration: settings stand where parameters are mute."""
+        chosen = asdict(self.settings) | dict(parameters)
+        return chosen | {"folds_seed": chosen.get("folds_seed", self.settings.seed)}
+
+    def folds(
+        self, split: str, inputs: str, seed: int, lag_s: float | None = None
+    ) -> Folds:
         """The same folds for every neuron count, as in the thesis."""
-        rows = self.samples(inputs).recording
+        rows = self.samples(inputs, lag_s).recording
         return make_folds(
             self.data.tensile, rows, split, number=self.settings.folds, seed=seed
         )
 
-    def networks(self, chosen: Mapping[str, Any], folds: Folds) -> list[Trained]:
-        """A network for each fold, trained without the samples of that fold."""
-        known = self.samples(chosen["inputs"])
+    def networks(
+        self, chosen: Mapping[str, Any], folds: Folds, first: int = 0
+    ) -> list[Trained]:
+        """A network for each fold, trained without the samples of that fold.
+
+        `first` is the number of the first of these folds, where they are some of more.
+        """
         number = len(folds.names)
         seed = chosen.get("folds_seed", self.settings.seed)
-        return train(
-            known.inputs,
-            known.target,
+        return fit_samples(
+            self.samples(chosen["inputs"], chosen.get("lag_s")),
+            chosen["inputs"],
             neurons=[chosen["neurons"]] * number,
             train_mask=folds.train,
-            seeds=[seed * 1000 + i for i in range(number)],
+            seeds=[seed * 1000 + first + i for i in range(number)],
             regularisation=Regularisation.parse(chosen["regularisation"]),
+            settings=self.training,
         )
 
     def whole(self, parameters: Mapping[str, Any]) -> StoredNetwork:
         """One network trained on every sample, for use outside the study."""
-        chosen = asdict(self.settings) | dict(parameters)
-        known = self.samples(chosen["inputs"])
-        one = train(
-            known.inputs,
-            known.target,
-            neurons=[chosen["neurons"]],
-            train_mask=np.ones((1, len(known.target)), bool),
-            seeds=[chosen.get("folds_seed", self.settings.seed) * 1000],
-            regularisation=Regularisation.parse(chosen["regularisation"]),
-        )[0]
+        chosen = self.chosen(parameters)
+        known = self.samples(chosen["inputs"], chosen["lag_s"])
+        everything = Folds(np.zeros((1, len(known.target)), bool), ("all",), "none")
+        (one,) = self.networks(chosen, everything)
         return StoredNetwork(
             one.network, chosen["inputs"], known.lag_s, Seen.of(self.data.tensile)
         )
 
     def __call__(self, parameters: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:
-        chosen = asdict(self.settings) | dict(parameters)
-        known = self.samples(chosen["inputs"])
-        folds = self.folds(
-            chosen["split"],
-            chosen["inputs"],
-            chosen.get("folds_seed", self.settings.seed),
-        )
-        trained = self.networks(chosen, folds)
+        judged = self.judge(parameters)
+        error = generalisation_error(judged["nrmse"])
+        return error, {
+            "generalisation_error": error,
+            "r2_mean": float(np.mean(judged["r2"])),
+            **judged,
+        }
+
+    def judge(
+        self, parameters: Mapping[str, Any], part: slice = slice(None)
+    ) -> dict[str, Any]:
+        """What networks of the folds in `part` say of what was held out, fold by fold.
+
+        A network that is fed its stress back is judged running on its own stress; what
+        it reaches with the measured one is `nrmse_measured`.
+        """
+        chosen = self.chosen(parameters)
+        inputs, lag_s = chosen["inputs"], chosen["lag_s"]
+        known = self.samples(inputs, lag_s)
+        folds = self.folds(chosen["split"], inputs, chosen["folds_seed"], lag_s)
+        folds = replace(folds, test=folds.test[part], names=folds.names[part])
+        trained = self.networks(chosen, folds, part.start or 0)
         predicted = np.full(folds.test.shape, np.nan)
         for row, test, one in zip(predicted, folds.test, trained, strict=True):
-            row[test] = one.network.predict(known.inputs[test])
+            row[test] = self._held_out(one.network, inputs, lag_s, known.take(test))
         scores = score(folds, predicted, known.target)
-        return scores.generalisation_error, {
-            "generalisation_error": scores.generalisation_error,
-            "r2_mean": scores.mean_r2,
+        return {
             "nrmse": scores.nrmse.tolist(),
             "r2": scores.r2.tolist(),
             "gamma": [t.gamma for t in trained],
@@ -117,6 +142,33 @@ class Trainer:
             "folds": list(folds.names),
             "note": folds.note,
             "nrmse_by_rate": self._by_rate(known, folds, predicted),
+        } | self._measured(inputs, known, folds, trained)
+
+    def _held_out(
+        self, network: Network, inputs: str, lag_s: float | None, asked: Samples
+    ) -> np.ndarray:
+        """Stress (n,) at the samples asked for, MPa."""
+        if not ARCHITECTURES[inputs].feedback:
+            return network.predict(asked.inputs)
+        mine, row = np.unique(asked.recording, return_inverse=True)
+        out = run(network, inputs, [self.data.tensile[i] for i in mine], lag_s)
+        found = np.empty(len(asked.target))
+        for i, stress in enumerate(out):
+            found[row == i] = stress[asked.position[row == i]]
+        return found
+
+    def _measured(
+        self, inputs: str, known: Samples, folds: Folds, trained: Sequence[Trained]
+    ) -> dict[str, Any]:
+        """NRMSE fold by fold with the measured stress fed back (thesis 6.4.1)."""
+        if not ARCHITECTURES[inputs].feedback:
+            return {}
+        pairs = zip(folds.test, trained, strict=True)
+        return {
+            "nrmse_measured": [
+                nrmse(t.network.predict(known.inputs[test]), known.target[test])
+                for test, t in pairs
+            ]
         }
 
     def _by_rate(
