@@ -10,6 +10,7 @@ from __future__ import annotations
 import sqlite3
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -32,7 +33,10 @@ from softnn.contracts import InputError
 optuna.logging.set_verbosity(optuna.logging.WARNING)
 
 Value = int | float | str
-Result = tuple[float, dict[str, Any]]  # what is minimised, and all there is to keep
+STARTUP = 30  # trials drawn at random before a front is modelled
+# What is minimised, one number or one an objective, and all there is to keep.
+Result = tuple[float | Sequence[float], dict[str, Any]]
+When = Mapping[str, Callable[[Mapping[str, Any]], bool]]
 Objective = Callable[[dict[str, Any]], Result]
 
 
@@ -47,7 +51,10 @@ class Range:
 
 @dataclass(frozen=True)
 class Finished:
-    """One finished trial; `stored` says that it was there before this search began."""
+    """One finished trial; `stored` says that it was there before this search began.
+
+    `value` is its first objective, `values` are all of them.
+    """
 
     number: int
     parameters: dict[str, Any]
@@ -56,10 +63,11 @@ class Finished:
     started: datetime
     ended: datetime
     stored: bool
+    values: tuple[float, ...] = ()
 
 
 class Search:
-    """An Optuna study of one objective to be minimised, open for one process.
+    """An Optuna study of objectives to be minimised, open for one process.
 
     Use it as a context. `name` must change with anything that changes results (data,
     settings, seed): trials under one name are never run again. `storage` is an
@@ -81,6 +89,7 @@ class Search:
         *,
         seed: int = 0,
         fresh: bool = False,
+        objectives: int = 1,
     ) -> None:
         self.name, self.space, self.seed = name, dict(space), seed
         self._lock = _Lock(storage, name)
@@ -91,7 +100,10 @@ class Search:
                 if name in known:
                     optuna.delete_study(study_name=name, storage=backend)
             self._study = optuna.create_study(
-                study_name=name, storage=backend, load_if_exists=True
+                study_name=name,
+                storage=backend,
+                load_if_exists=True,
+                directions=["minimize"] * objectives,
             )
             self._stored = {t.number for t in self._trials(TrialState.COMPLETE)}
             # The lock is held, so whoever was running these is gone.
@@ -174,6 +186,46 @@ class Search:
             )
             yield self._run(_Given(fixed, tpe), list(self.space), objective)
 
+    def explore(
+        self,
+        objective: Objective,
+        trials: int,
+        *,
+        first: Sequence[Mapping[str, Value]] = (),
+        when: When | None = None,
+    ) -> Iterator[Finished]:
+        """`trials` trials towards the front of all objectives; those of `first` first.
+
+        Parameters are drawn in the order of the space; one named in `when` only where
+        its condition holds for those before it. Tree-structured Parzen estimators,
+        multivariate, one for each group of parameters that occur together (Ozaki et al.
+        2022, doi:10.1613/jair.1.13188). Goes on after a stop as `minimise` does.
+        """
+        done = [
+            self._finished(trial)
+            for trial in self._trials(TrialState.COMPLETE)
+            if trial.user_attrs.get("explored")
+        ]
+        yield from done[:trials]
+        for count in range(len(done), trials):
+            with warnings.catch_warnings():  # `group` may change; the version is pinned
+                warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+                tpe = optuna.samplers.TPESampler(
+                    seed=self.seed + 1_000_003 * count,
+                    n_startup_trials=max(STARTUP, len(first)),
+                    multivariate=True,
+                    group=True,
+                )
+            known = first[count] if count < len(first) else None
+            self._study.sampler = tpe if known is None else _Given(known)
+            trial = self._study.ask()
+            trial.set_user_attr("explored", True)
+            chosen: dict[str, Any] = {}
+            for name, values in self.space.items():
+                if when is None or name not in when or when[name](chosen):
+                    chosen[name] = _suggest(trial, name, values)
+            yield self._told(trial, objective)
+
     def _trials(self, state: TrialState) -> list[FrozenTrial]:
         return self._study.get_trials(deepcopy=False, states=(state,))
 
@@ -185,7 +237,9 @@ class Search:
     ) -> Finished:
         space = {name: _distribution(self.space[name]) for name in names}
         self._study.sampler = sampler
-        trial = self._study.ask(space)
+        return self._told(self._study.ask(space), objective)
+
+    def _told(self, trial: optuna.Trial, objective: Objective) -> Finished:
         try:
             value, result = objective(dict(trial.params))
             trial.set_user_attr("result", result)
@@ -195,17 +249,17 @@ class Search:
         return self._finished(self._study.tell(trial, value))
 
     def _finished(self, trial: FrozenTrial) -> Finished:
-        assert trial.value is not None
         assert trial.datetime_start is not None
         assert trial.datetime_complete is not None
         return Finished(
             trial.number,
             dict(trial.params),
-            trial.value,
+            trial.values[0],
             trial.user_attrs["result"],
             trial.datetime_start,
             trial.datetime_complete,
             trial.number in self._stored,
+            tuple(trial.values),
         )
 
 
@@ -288,6 +342,15 @@ def _backend(storage: str) -> optuna.storages.BaseStorage:
             f"storage {storage!r} cannot be opened ({str(error).splitlines()[0]}); "
             "give an address such as sqlite:///mlruns/optuna.db"
         ) from None
+
+
+def _suggest(trial: optuna.Trial, name: str, space: Sequence[Value] | Range) -> Any:
+    values = _distribution(space)
+    if isinstance(values, FloatDistribution):
+        return trial.suggest_float(name, values.low, values.high, log=values.log)
+    if isinstance(values, IntDistribution):
+        return trial.suggest_int(name, values.low, values.high)
+    return trial.suggest_categorical(name, list(space))  # type: ignore[arg-type]
 
 
 def _distribution(space: Sequence[Value] | Range) -> BaseDistribution:

@@ -75,11 +75,11 @@ class Places:
 def study_parser(
     name: str, doc: str | None, defaults: Settings, omit: str = ""
 ) -> Parser:
-    """The options of a network study, but for `omit`, which the study itself varies."""
+    """The options of a network study but for those in `omit`, which it varies."""
     made = parser(name, doc)
 
     def add(option: str, **about: Any) -> None:
-        if option != f"--{omit}":
+        if option.removeprefix("--") not in omit.split():
             made.add_argument(option, **about)
 
     add("--material", metavar="NAME", help="a material, or all")
