@@ -7,11 +7,10 @@ same trials as one that was never stopped.
 
 from __future__ import annotations
 
-import sqlite3
 import tempfile
-import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import product
@@ -29,6 +28,7 @@ from optuna.distributions import (
 from optuna.trial import FrozenTrial, TrialState
 
 from softnn.contracts import InputError
+from softnn.database import Lock, made_aside, sqlite_file
 
 optuna.logging.set_verbosity(optuna.logging.WARNING)
 
@@ -92,7 +92,7 @@ class Search:
         objectives: int = 1,
     ) -> None:
         self.name, self.space, self.seed = name, dict(space), seed
-        self._lock = _Lock(storage, name)
+        self._lock = _lock(storage, name)
         try:
             backend = _backend(storage)
             if fresh:
@@ -110,7 +110,7 @@ class Search:
             for trial in self._trials(TrialState.RUNNING):
                 self._study.tell(trial.number, state=TrialState.FAIL)
         except BaseException:
-            self._lock.release()
+            self._release()
             raise
 
     def __enter__(self) -> Search:
@@ -122,7 +122,11 @@ class Search:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._lock.release()
+        self._release()
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
 
     @property
     def finished(self) -> list[Finished]:
@@ -188,18 +192,20 @@ class Search:
 
     def explore(
         self,
-        objective: Objective,
+        submit: Callable[[dict[str, Any]], Future[Result]],
         trials: int,
         *,
         first: Sequence[Mapping[str, Value]] = (),
         when: When | None = None,
+        together: int = 2,
     ) -> Iterator[Finished]:
         """`trials` trials towards the front of all objectives; those of `first` first.
 
-        Parameters are drawn in the order of the space; one named in `when` only where
-        its condition holds for those before it. Tree-structured Parzen estimators,
-        multivariate, one for each group of parameters that occur together (Ozaki et al.
-        2022, doi:10.1613/jair.1.13188). Goes on after a stop as `minimise` does.
+        `together` trials are drawn before any of them is finished; the next ones are
+        under way while those done are handed out. Parameters are drawn in the order of
+        the space; one named in `when` only where its condition holds for those before
+        it. Tree-structured Parzen estimators, multivariate, one for each group of
+        parameters that occur together (Ozaki et al. 2022, doi:10.1613/jair.1.13188).
         """
         done = [
             self._finished(trial)
@@ -207,24 +213,48 @@ class Search:
             if trial.user_attrs.get("explored")
         ]
         yield from done[:trials]
-        for count in range(len(done), trials):
-            with warnings.catch_warnings():  # `group` may change; the version is pinned
-                warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-                tpe = optuna.samplers.TPESampler(
-                    seed=self.seed + 1_000_003 * count,
-                    n_startup_trials=max(STARTUP, len(first)),
-                    multivariate=True,
-                    group=True,
-                )
-            known = first[count] if count < len(first) else None
-            self._study.sampler = tpe if known is None else _Given(known)
-            trial = self._study.ask()
-            trial.set_user_attr("explored", True)
-            chosen: dict[str, Any] = {}
-            for name, values in self.space.items():
-                if when is None or name not in when or when[name](chosen):
-                    chosen[name] = _suggest(trial, name, values)
-            yield self._told(trial, objective)
+        count = len(done)
+        pending: list[tuple[optuna.Trial, Future[Result]]] = []
+        try:
+            while count < trials or pending:
+                ready = [self._told(t, _result_of(f)) for t, f in pending]
+                pending = []
+                while count < trials and len(pending) < together:
+                    known = first[count] if count < len(first) else None
+                    trial = self._asked(count, len(first), known, when or {})
+                    pending.append((trial, submit(dict(trial.params))))
+                    count += 1
+                yield from ready
+        except BaseException:
+            for trial, future in pending:
+                future.cancel()
+                self._study.tell(trial, state=TrialState.FAIL, skip_if_finished=True)
+            raise
+
+    def _asked(
+        self,
+        count: int,
+        startup: int,
+        known: Mapping[str, Value] | None,
+        when: When,
+    ) -> optuna.Trial:
+        """The next trial, its parameters drawn: as `known`, or by the estimators."""
+        with warnings.catch_warnings():  # `group` may change; results say the version
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            tpe = optuna.samplers.TPESampler(
+                seed=self.seed + 1_000_003 * count,
+                n_startup_trials=max(STARTUP, startup),
+                multivariate=True,
+                group=True,
+            )
+        self._study.sampler = tpe if known is None else _Given(known)
+        trial = self._study.ask()
+        trial.set_user_attr("explored", True)
+        chosen: dict[str, Any] = {}
+        for name, values in self.space.items():
+            if name not in when or when[name](chosen):
+                chosen[name] = _suggest(trial, name, values)
+        return trial
 
     def _trials(self, state: TrialState) -> list[FrozenTrial]:
         return self._study.get_trials(deepcopy=False, states=(state,))
@@ -292,56 +322,37 @@ class _Given(optuna.samplers.BaseSampler):
         )
 
 
-class _Lock:
-    """One process a search: an open exclusive SQLite transaction, which the system
-    drops with the process, however it dies."""
-
-    def __init__(self, storage: str, name: str) -> None:
-        self._connection: sqlite3.Connection | None = None
-        file = _sqlite_file(storage)
-        if storage.startswith("sqlite") and file is None:
-            return  # in memory: nobody else can open it
-        folder = file.parent if file else Path(tempfile.gettempdir())
-        folder.mkdir(parents=True, exist_ok=True)
-        self._file = folder / f".{name}.lock"
-        connection = sqlite3.connect(self._file, timeout=0, isolation_level=None)
-        deadline = time.monotonic() + 2  # a process just killed may take a moment
-        while True:
-            try:
-                connection.execute("BEGIN EXCLUSIVE")
-                break
-            except sqlite3.OperationalError as error:
-                if time.monotonic() > deadline:
-                    connection.close()
-                    raise InputError(
-                        f"search {name} is being run by another process ({error}); "
-                        "wait for it to end or stop it"
-                    ) from None
-                time.sleep(0.1)
-        self._connection = connection
-
-    def release(self) -> None:
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
-            self._file.unlink(missing_ok=True)
-
-
-def _sqlite_file(storage: str) -> Path | None:
-    path = storage.removeprefix("sqlite:///")
-    return Path(path) if path != storage and path and path != ":memory:" else None
+def _lock(storage: str, name: str) -> Lock | None:
+    file = sqlite_file(storage)
+    if storage.startswith("sqlite") and file is None:
+        return None  # in memory: nobody else can open it
+    folder = file.parent if file else Path(tempfile.gettempdir())
+    return Lock(folder / f".{name}.lock", f"search {name}")
 
 
 def _backend(storage: str) -> optuna.storages.BaseStorage:
     if storage in ("sqlite://", "sqlite:///:memory:"):
         return optuna.storages.InMemoryStorage()
     try:
+        file = sqlite_file(storage)
+        if file is not None:
+            made_aside(file, _make)
         return optuna.storages.RDBStorage(storage)
     except Exception as error:  # SQLAlchemy's own, of many kinds
         raise InputError(
             f"storage {storage!r} cannot be opened ({str(error).splitlines()[0]}); "
             "give an address such as sqlite:///mlruns/optuna.db"
         ) from None
+
+
+def _make(file: Path) -> None:
+    made = optuna.storages.RDBStorage(f"sqlite:///{file}")
+    made.remove_session()
+    made.engine.dispose()
+
+
+def _result_of(future: Future[Result]) -> Objective:
+    return lambda _: future.result()
 
 
 def _suggest(trial: optuna.Trial, name: str, space: Sequence[Value] | Range) -> Any:

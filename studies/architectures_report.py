@@ -37,8 +37,9 @@ def front(tried: Sequence[Finished]) -> list[Finished]:
 class Choice:
     """The network for one use: the smallest of those that tie with the best.
 
-    A tie: the mean difference to the best over the same folds is within its standard
-    error. `ties` counts them, the best one too; `fewest` is their least neuron count.
+    A tie: the error is within one standard error, over folds, of the least (Breiman et
+    al. 1984). `ties` counts them, the best one too; `fewest` is their least neuron
+    count.
     """
 
     use: str
@@ -70,7 +71,7 @@ def choices(tried: Sequence[Finished]) -> dict[str, Choice]:
     found = {}
     for i, use in enumerate(USES):
         best = min(whole, key=lambda t: (t.values[i], t.number))
-        ties = [t for t in whole if t is best or tied(folds(t, use), folds(best, use))]
+        ties = [t for t in whole if t.values[i] <= best.values[i] + spread(best, use)]
         small = min(ties, key=lambda t: (t.result["parameters"], t.values[i]))
         fewest = min(t.parameters["neurons"] for t in ties)
         found[use] = Choice(use, small, best, len(ties), fewest)
@@ -83,10 +84,10 @@ def folds(trial: Finished, use: str) -> np.ndarray:
     return np.array(found["nrmse"])
 
 
-def tied(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether the mean of one - other (k,) is within its standard error of zero."""
-    gap, error = paired(one, other)
-    return abs(gap) <= error
+def spread(trial: Finished, use: str) -> float:
+    """Standard error of the mean NRMSE over folds."""
+    found = folds(trial, use)
+    return float(found.std(ddof=1) / np.sqrt(len(found)))
 
 
 def paired(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
@@ -136,15 +137,19 @@ def _of_use(
     beside: Sequence[Mapping[str, Any]],
 ) -> str:
     mine = folds(anew, use)
-    spread = mine.std(ddof=1) / np.sqrt(len(mine))
     means = {
         "random": "between samples of recordings one has",
         "unseen": f"for a {unseen} never seen",
     }[use]
     judged = "by random folds" if use == "random" else WORDS[unseen]
-    text = f"{means} take {one.words} ({_pm(mine.mean(), spread)} {judged}, "
+    error = _pm(float(mine.mean()), spread(anew, use))
+    text = f"{means} take {one.words} ({error} {judged}; "
     if one.ties > 1:
-        text += f"a tie of {one.ties}, fewest {one.fewest} neurons"
+        gap, within = paired(folds(one.trial, use), folds(one.best, use))
+        text += (
+            f"a tie of {one.ties} with the best, {words(one.best)}, which is ahead by "
+            f"{_pm(gap, within, 2)}; fewest neurons of the tie {one.fewest}"
+        )
     else:
         text += "no ties"
     able = [b for b in beside if not isinstance(b[use], str)]
@@ -153,14 +158,18 @@ def _of_use(
     rival = min(able, key=lambda b: np.mean(b[use]))
     text += f"; {rival['model']} {percent(float(np.mean(rival[use])), 1)}"
     if use == "unseen":  # folds drawn anew are other ones where they are random
-        gap, error = paired(mine, np.array(rival[use]))
-        verdict = "a tie" if abs(gap) <= error else "better" if gap < 0 else "worse"
-        text += f", the network is {verdict} by {_pm(gap, error)}"
+        gap, within = paired(mine, np.array(rival[use]))
+        if abs(gap) <= within:
+            text += f", a tie with the network ({_pm(gap, within)})"
+        else:
+            verdict = "better" if gap < 0 else "worse"
+            text += f", the network is {verdict} by {_pm(abs(gap), within)}"
     return text + ")"
 
 
-def _pm(mean: float, error: float) -> str:
-    return f"{100 * mean:.1f} \N{PLUS-MINUS SIGN} {100 * error:.1f} %"
+def _pm(mean: float, error: float, digits: int = 1) -> str:
+    both = (f"{100 * value:.{digits}f}" for value in (mean, error))
+    return " \N{PLUS-MINUS SIGN} ".join(both) + " %"
 
 
 def rows_of(trials: Sequence[Finished], folds: bool = False) -> list[dict[str, Any]]:

@@ -11,7 +11,8 @@ import re
 import sys
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import asdict
 from datetime import datetime
 from functools import cache
@@ -24,7 +25,7 @@ from tqdm import tqdm
 
 import softnn
 from softnn.contracts import InputError
-from softnn.search import Finished, Objective, Range, Search, Value, When
+from softnn.search import Finished, Objective, Range, Result, Search, Value, When
 from studies.common import fingerprint
 from studies.material_data import Data
 from studies.settings import Places, Settings, listed
@@ -58,6 +59,7 @@ class Sweep:
         total: int,
         objectives: int = 1,
         trainer: Trainer | None = None,
+        code: Sequence[Path] = (),
     ) -> None:
         from softnn.tracking import Tracker
 
@@ -74,7 +76,7 @@ class Sweep:
             "version": softnn.__version__,
         }
         name = re.sub(r"\W+", "-", f"{study}-{data.source}-{data.material}")[:60]
-        self.key = f"{name}-{fingerprint(content, files=_code())}"
+        self.key = f"{name}-{fingerprint(content, files=(*_code(), *code))}"
         # What cannot be split is said before anything is opened.
         self.trainer.folds(settings.split, settings.inputs, settings.seed)
         self.search = Search(
@@ -160,14 +162,14 @@ class Sweep:
 
     def explore(
         self,
-        objective: Objective,
+        submit: Callable[[dict[str, Any]], Future[Result]],
         trials: int,
         *,
         first: Sequence[Mapping[str, Value]] = (),
         when: When | None = None,
     ) -> Iterator[Finished]:
         """`trials` trials towards the front of all objectives."""
-        for trial in self.search.explore(objective, trials, first=first, when=when):
+        for trial in self.search.explore(submit, trials, first=first, when=when):
             yield self._keep(trial)
 
     def _keep(self, trial: Finished) -> Finished:

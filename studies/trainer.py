@@ -39,9 +39,14 @@ class Trainer:
     """
 
     def __init__(
-        self, data: Data, settings: Settings, training: Training = DEFAULTS
+        self,
+        data: Data,
+        settings: Settings,
+        training: Training = DEFAULTS,
+        threads: int | None = None,
     ) -> None:
         self.data, self.settings, self.training = data, settings, training
+        self.threads = threads
         self._samples: dict[tuple[str, float | None], Samples] = {}
 
     def samples(self, inputs: str, lag_s: float | None = None) -> Samples:
@@ -74,22 +79,27 @@ class Trainer:
         )
 
     def networks(
-        self, chosen: Mapping[str, Any], folds: Folds, first: int = 0
+        self, chosen: Mapping[str, Any], folds: Sequence[Folds], first: Sequence[int]
     ) -> list[Trained]:
-        """A network for each fold, trained without the samples of that fold.
+        """A network for each fold, trained without its samples, all in one batch.
 
-        `first` is the number of the first of these folds, where they are some of more.
+        `first` says of each of `folds` the number of its first fold, where they are
+        some of more.
         """
-        number = len(folds.names)
-        seed = chosen.get("folds_seed", self.settings.seed)
+        seeds = [
+            chosen["folds_seed"] * 1000 + start + i
+            for start, split in zip(first, folds, strict=True)
+            for i in range(len(split.names))
+        ]
         return fit_samples(
-            self.samples(chosen["inputs"], chosen.get("lag_s")),
+            self.samples(chosen["inputs"], chosen["lag_s"]),
             chosen["inputs"],
-            neurons=[chosen["neurons"]] * number,
-            train_mask=folds.train,
-            seeds=[seed * 1000 + first + i for i in range(number)],
+            neurons=[chosen["neurons"]] * len(seeds),
+            train_mask=np.concatenate([f.train for f in folds]),
+            seeds=seeds,
             regularisation=Regularisation.parse(chosen["regularisation"]),
             settings=self.training,
+            threads=self.threads,
         )
 
     def whole(self, parameters: Mapping[str, Any]) -> StoredNetwork:
@@ -97,7 +107,7 @@ class Trainer:
         chosen = self.chosen(parameters)
         known = self.samples(chosen["inputs"], chosen["lag_s"])
         everything = Folds(np.zeros((1, len(known.target)), bool), ("all",), "none")
-        (one,) = self.networks(chosen, everything)
+        (one,) = self.networks(chosen, [everything], [0])
         return StoredNetwork(
             one.network, chosen["inputs"], known.lag_s, Seen.of(self.data.tensile)
         )
@@ -111,10 +121,15 @@ class Trainer:
             **judged,
         }
 
-    def judge(
-        self, parameters: Mapping[str, Any], part: slice = slice(None)
-    ) -> dict[str, Any]:
-        """What networks of the folds in `part` say of what was held out, fold by fold.
+    def judge(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """What networks say of what was held out, fold by fold."""
+        split = self.chosen(parameters)["split"]
+        return self.judge_parts(parameters, {split: slice(None)})[split]
+
+    def judge_parts(
+        self, parameters: Mapping[str, Any], parts: Mapping[str, slice]
+    ) -> dict[str, dict[str, Any]]:
+        """The same for some folds of several splits, all networks in one batch.
 
         A network that is fed its stress back is judged running on its own stress; what
         it reaches with the measured one is `nrmse_measured`.
@@ -122,9 +137,28 @@ class Trainer:
         chosen = self.chosen(parameters)
         inputs, lag_s = chosen["inputs"], chosen["lag_s"]
         known = self.samples(inputs, lag_s)
-        folds = self.folds(chosen["split"], inputs, chosen["folds_seed"], lag_s)
-        folds = replace(folds, test=folds.test[part], names=folds.names[part])
-        trained = self.networks(chosen, folds, part.start or 0)
+        every = []
+        for split, part in parts.items():
+            folds = self.folds(split, inputs, chosen["folds_seed"], lag_s)
+            every.append(replace(folds, test=folds.test[part], names=folds.names[part]))
+        trained = iter(
+            self.networks(chosen, every, [part.start or 0 for part in parts.values()])
+        )
+        return {
+            folds.split: self._judged(
+                chosen, known, folds, [next(trained) for _ in folds.names]
+            )
+            for folds in every
+        }
+
+    def _judged(
+        self,
+        chosen: Mapping[str, Any],
+        known: Samples,
+        folds: Folds,
+        trained: Sequence[Trained],
+    ) -> dict[str, Any]:
+        inputs, lag_s = chosen["inputs"], chosen["lag_s"]
         predicted = np.full(folds.test.shape, np.nan)
         for row, test, one in zip(predicted, folds.test, trained, strict=True):
             row[test] = self._held_out(one.network, inputs, lag_s, known.take(test))

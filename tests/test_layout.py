@@ -13,7 +13,7 @@ PACKAGE = ROOT / "softnn"
 # A module imports only what stands on a line above it; siblings do not know each other.
 ORDER = (
     ("contracts",),
-    ("recording", "metrics", "materials", "noise", "bounded", "workers"),
+    ("recording", "metrics", "materials", "noise", "bounded", "workers", "database"),
     ("readers", "prepare", "virtual", "models", "effects", "neural"),
     ("properties", "simulate"),
     ("fit",),

@@ -25,6 +25,7 @@ def fit_samples(
     seeds: Sequence[int],
     regularisation: Regularisation = BAYESIAN,
     settings: Settings = DEFAULTS,
+    threads: int | None = None,
 ) -> list[Trained]:
     """Networks on rows of samples, tanh or Gaussian units; see `train`."""
     if architecture_of(architecture).radial:
@@ -44,6 +45,7 @@ def fit_samples(
         seeds=seeds,
         regularisation=regularisation,
         settings=settings,
+        threads=threads,
     )
 
 
