@@ -7,10 +7,10 @@ same trials as one that was never stopped.
 
 from __future__ import annotations
 
-import sqlite3
 import tempfile
-import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import product
@@ -28,11 +28,15 @@ from optuna.distributions import (
 from optuna.trial import FrozenTrial, TrialState
 
 from softnn.contracts import InputError
+from softnn.database import Lock, made_aside, sqlite_file
 
 optuna.logging.set_verbosity(optuna.logging.WARNING)
 
 Value = int | float | str
-Result = tuple[float, dict[str, Any]]  # what is minimised, and all there is to keep
+STARTUP = 30  # trials drawn at random before a front is modelled
+# What is minimised, one number or one an objective, and all there is to keep.
+Result = tuple[float | Sequence[float], dict[str, Any]]
+When = Mapping[str, Callable[[Mapping[str, Any]], bool]]
 Objective = Callable[[dict[str, Any]], Result]
 
 
@@ -47,7 +51,10 @@ class Range:
 
 @dataclass(frozen=True)
 class Finished:
-    """One finished trial; `stored` says that it was there before this search began."""
+    """One finished trial; `stored` says that it was there before this search began.
+
+    `value` is its first objective, `values` are all of them.
+    """
 
     number: int
     parameters: dict[str, Any]
@@ -56,10 +63,11 @@ class Finished:
     started: datetime
     ended: datetime
     stored: bool
+    values: tuple[float, ...] = ()
 
 
 class Search:
-    """An Optuna study of one objective to be minimised, open for one process.
+    """An Optuna study of objectives to be minimised, open for one process.
 
     Use it as a context. `name` must change with anything that changes results (data,
     settings, seed): trials under one name are never run again. `storage` is an
@@ -81,9 +89,10 @@ class Search:
         *,
         seed: int = 0,
         fresh: bool = False,
+        objectives: int = 1,
     ) -> None:
         self.name, self.space, self.seed = name, dict(space), seed
-        self._lock = _Lock(storage, name)
+        self._lock = _lock(storage, name)
         try:
             backend = _backend(storage)
             if fresh:
@@ -91,14 +100,17 @@ class Search:
                 if name in known:
                     optuna.delete_study(study_name=name, storage=backend)
             self._study = optuna.create_study(
-                study_name=name, storage=backend, load_if_exists=True
+                study_name=name,
+                storage=backend,
+                load_if_exists=True,
+                directions=["minimize"] * objectives,
             )
             self._stored = {t.number for t in self._trials(TrialState.COMPLETE)}
             # The lock is held, so whoever was running these is gone.
             for trial in self._trials(TrialState.RUNNING):
                 self._study.tell(trial.number, state=TrialState.FAIL)
         except BaseException:
-            self._lock.release()
+            self._release()
             raise
 
     def __enter__(self) -> Search:
@@ -110,7 +122,11 @@ class Search:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._lock.release()
+        self._release()
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
 
     @property
     def finished(self) -> list[Finished]:
@@ -174,6 +190,72 @@ class Search:
             )
             yield self._run(_Given(fixed, tpe), list(self.space), objective)
 
+    def explore(
+        self,
+        submit: Callable[[dict[str, Any]], Future[Result]],
+        trials: int,
+        *,
+        first: Sequence[Mapping[str, Value]] = (),
+        when: When | None = None,
+        together: int = 2,
+    ) -> Iterator[Finished]:
+        """`trials` trials towards the front of all objectives; those of `first` first.
+
+        `together` trials are drawn before any of them is finished; the next ones are
+        under way while those done are handed out. Parameters are drawn in the order of
+        the space; one named in `when` only where its condition holds for those before
+        it. Tree-structured Parzen estimators, multivariate, one for each group of
+        parameters that occur together (Ozaki et al. 2022, doi:10.1613/jair.1.13188).
+        """
+        done = [
+            self._finished(trial)
+            for trial in self._trials(TrialState.COMPLETE)
+            if trial.user_attrs.get("explored")
+        ]
+        yield from done[:trials]
+        count = len(done)
+        pending: list[tuple[optuna.Trial, Future[Result]]] = []
+        try:
+            while count < trials or pending:
+                ready = [self._told(t, _result_of(f)) for t, f in pending]
+                pending = []
+                while count < trials and len(pending) < together:
+                    known = first[count] if count < len(first) else None
+                    trial = self._asked(count, len(first), known, when or {})
+                    pending.append((trial, submit(dict(trial.params))))
+                    count += 1
+                yield from ready
+        except BaseException:
+            for trial, future in pending:
+                future.cancel()
+                self._study.tell(trial, state=TrialState.FAIL, skip_if_finished=True)
+            raise
+
+    def _asked(
+        self,
+        count: int,
+        startup: int,
+        known: Mapping[str, Value] | None,
+        when: When,
+    ) -> optuna.Trial:
+        """The next trial, its parameters drawn: as `known`, or by the estimators."""
+        with warnings.catch_warnings():  # `group` may change; results say the version
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            tpe = optuna.samplers.TPESampler(
+                seed=self.seed + 1_000_003 * count,
+                n_startup_trials=max(STARTUP, startup),
+                multivariate=True,
+                group=True,
+            )
+        self._study.sampler = tpe if known is None else _Given(known)
+        trial = self._study.ask()
+        trial.set_user_attr("explored", True)
+        chosen: dict[str, Any] = {}
+        for name, values in self.space.items():
+            if name not in when or when[name](chosen):
+                chosen[name] = _suggest(trial, name, values)
+        return trial
+
     def _trials(self, state: TrialState) -> list[FrozenTrial]:
         return self._study.get_trials(deepcopy=False, states=(state,))
 
@@ -185,7 +267,9 @@ class Search:
     ) -> Finished:
         space = {name: _distribution(self.space[name]) for name in names}
         self._study.sampler = sampler
-        trial = self._study.ask(space)
+        return self._told(self._study.ask(space), objective)
+
+    def _told(self, trial: optuna.Trial, objective: Objective) -> Finished:
         try:
             value, result = objective(dict(trial.params))
             trial.set_user_attr("result", result)
@@ -195,17 +279,17 @@ class Search:
         return self._finished(self._study.tell(trial, value))
 
     def _finished(self, trial: FrozenTrial) -> Finished:
-        assert trial.value is not None
         assert trial.datetime_start is not None
         assert trial.datetime_complete is not None
         return Finished(
             trial.number,
             dict(trial.params),
-            trial.value,
+            trial.values[0],
             trial.user_attrs["result"],
             trial.datetime_start,
             trial.datetime_complete,
             trial.number in self._stored,
+            tuple(trial.values),
         )
 
 
@@ -238,56 +322,46 @@ class _Given(optuna.samplers.BaseSampler):
         )
 
 
-class _Lock:
-    """One process a search: an open exclusive SQLite transaction, which the system
-    drops with the process, however it dies."""
-
-    def __init__(self, storage: str, name: str) -> None:
-        self._connection: sqlite3.Connection | None = None
-        file = _sqlite_file(storage)
-        if storage.startswith("sqlite") and file is None:
-            return  # in memory: nobody else can open it
-        folder = file.parent if file else Path(tempfile.gettempdir())
-        folder.mkdir(parents=True, exist_ok=True)
-        self._file = folder / f".{name}.lock"
-        connection = sqlite3.connect(self._file, timeout=0, isolation_level=None)
-        deadline = time.monotonic() + 2  # a process just killed may take a moment
-        while True:
-            try:
-                connection.execute("BEGIN EXCLUSIVE")
-                break
-            except sqlite3.OperationalError as error:
-                if time.monotonic() > deadline:
-                    connection.close()
-                    raise InputError(
-                        f"search {name} is being run by another process ({error}); "
-                        "wait for it to end or stop it"
-                    ) from None
-                time.sleep(0.1)
-        self._connection = connection
-
-    def release(self) -> None:
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
-            self._file.unlink(missing_ok=True)
-
-
-def _sqlite_file(storage: str) -> Path | None:
-    path = storage.removeprefix("sqlite:///")
-    return Path(path) if path != storage and path and path != ":memory:" else None
+def _lock(storage: str, name: str) -> Lock | None:
+    file = sqlite_file(storage)
+    if storage.startswith("sqlite") and file is None:
+        return None  # in memory: nobody else can open it
+    folder = file.parent if file else Path(tempfile.gettempdir())
+    return Lock(folder / f".{name}.lock", f"search {name}")
 
 
 def _backend(storage: str) -> optuna.storages.BaseStorage:
     if storage in ("sqlite://", "sqlite:///:memory:"):
         return optuna.storages.InMemoryStorage()
     try:
+        file = sqlite_file(storage)
+        if file is not None:
+            made_aside(file, _make)
         return optuna.storages.RDBStorage(storage)
     except Exception as error:  # SQLAlchemy's own, of many kinds
         raise InputError(
             f"storage {storage!r} cannot be opened ({str(error).splitlines()[0]}); "
             "give an address such as sqlite:///mlruns/optuna.db"
         ) from None
+
+
+def _make(file: Path) -> None:
+    made = optuna.storages.RDBStorage(f"sqlite:///{file}")
+    made.remove_session()
+    made.engine.dispose()
+
+
+def _result_of(future: Future[Result]) -> Objective:
+    return lambda _: future.result()
+
+
+def _suggest(trial: optuna.Trial, name: str, space: Sequence[Value] | Range) -> Any:
+    values = _distribution(space)
+    if isinstance(values, FloatDistribution):
+        return trial.suggest_float(name, values.low, values.high, log=values.log)
+    if isinstance(values, IntDistribution):
+        return trial.suggest_int(name, values.low, values.high)
+    return trial.suggest_categorical(name, list(space))  # type: ignore[arg-type]
 
 
 def _distribution(space: Sequence[Value] | Range) -> BaseDistribution:

@@ -28,9 +28,14 @@ from mlflow.entities import (
     Run,
 )
 from mlflow.exceptions import MlflowException
+from mlflow.store.db.utils import (
+    _initialize_tables,
+    create_sqlalchemy_engine_with_retry,
+)
 from mlflow.tracking import MlflowClient
 
 from softnn.contracts import InputError
+from softnn.database import made_aside, sqlite_file
 
 for _library in ("mlflow", "alembic"):
     logging.getLogger(_library).setLevel(logging.WARNING)
@@ -208,15 +213,11 @@ def beginning(note: str) -> str:
 
 
 def _client(uri: str) -> MlflowClient:
-    file = _sqlite_file(uri)
-    if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
+    file = sqlite_file(uri)
     try:
-        with warnings.catch_warnings():
-            # MLflow uses what its own dependencies have deprecated.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            client = MlflowClient(uri)
-            client.search_experiments(max_results=1)  # connects
+        if file is not None:
+            made_aside(file, _make)
+        client = _connected(uri)
     except Exception as error:  # SQLAlchemy's, requests', MLflow's own
         first = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(
@@ -226,10 +227,27 @@ def _client(uri: str) -> MlflowClient:
     return client
 
 
+def _connected(uri: str) -> MlflowClient:
+    with warnings.catch_warnings():
+        # MLflow uses what its own dependencies have deprecated.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        client = MlflowClient(uri)
+        client.search_experiments(max_results=1)  # connects
+    return client
+
+
+def _make(file: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        made = create_sqlalchemy_engine_with_retry(f"sqlite:///{file}")
+        _initialize_tables(made)
+    made.dispose()
+
+
 def _experiment(client: MlflowClient, uri: str, name: str) -> Experiment:
     found = client.get_experiment_by_name(name)
     if found is None:
-        file = _sqlite_file(uri)
+        file = sqlite_file(uri)
         place = (file.parent / "artifacts" / name).resolve().as_uri() if file else None
         try:
             return client.get_experiment(client.create_experiment(name, place, KIND))
@@ -250,11 +268,6 @@ def _dataset(name: str, digest: str) -> DatasetInput:
     return DatasetInput(
         Dataset(name, digest[:36], source_type="softnn", source=name), tags=[]
     )
-
-
-def _sqlite_file(uri: str) -> Path | None:
-    path = uri.removeprefix("sqlite:///")
-    return Path(path) if path != uri and path else None
 
 
 def _milliseconds(moment: datetime) -> int:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softnn.contracts import InputError
-from softnn.neural import ARCHITECTURES
+from softnn.neural import PUBLISHED
 from softnn.search import Finished, Range, Value
 from studies.common import (
     COLOURS,
@@ -93,11 +93,11 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
     """Every architecture on one material, on the split asked for and by rate."""
     splits = list(dict.fromkeys([settings.split, "rate"]))
     space: dict[str, Sequence[Value] | Range] = {
-        "inputs": list(ARCHITECTURES),
+        "inputs": list(PUBLISHED),
         "neurons": settings.neurons,
         "split": list(SPLITS),
     }
-    total = len(splits) * len(ARCHITECTURES)
+    total = len(splits) * len(PUBLISHED)
     count = settings.neurons[0]
     with Sweep("inputs", data, settings, space, places, total) as sweep:
         possible = [s for s in splits if sweep.possible(s) is None]
@@ -106,7 +106,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
                 split: sweep.run(inputs=name, neurons=count, split=split)
                 for split in possible
             }
-            for name in ARCHITECTURES
+            for name in PUBLISHED
         }
         judged = possible[0]
         best = min(trials, key=lambda name: trials[name][judged].value)

@@ -140,13 +140,16 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
         headline = headline_of(judged, baselines)
         sweep.tracker.curve(
             {
-                "r2": [(t.parameters["neurons"], t.result["r2_mean"]) for t in grid],
-                "nrmse": [(t.parameters["neurons"], t.value) for t in grid],
+                "r2_by_neurons": [
+                    (t.parameters["neurons"], t.result["r2_mean"]) for t in grid
+                ],
+                "nrmse_by_neurons": [(t.parameters["neurons"], t.value) for t in grid],
             },
             sweep.ended,
         )
         sweep.tracker.result(
-            {k: v for k, v in headline.items() if isinstance(v, int | float)},
+            {k: v for k, v in headline.items() if isinstance(v, int | float)}
+            | {"nrmse": best.value, "r2": best.result["r2_mean"]},
             note=f"**{data.label}**\n\n{text}\n\n{note_on(data)}",
             files=figure_of,
             texts={

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from softnn.contracts import Array, InputError
 from softnn.materials import material, table
-from softnn.neural import ARCHITECTURES, Seen, samples, train
+from softnn.neural import ARCHITECTURES, PUBLISHED, Seen, samples, train
 from softnn.neural.guard import DIRECTION
 from softnn.recording import data_hash
 from studies import common
@@ -57,9 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         (data,) = prepared(Settings(material=NAME, seed=options.seed))
         place = common.results_folder(options.smoke)
         neurons = table("6.6").row(material=NAME, model="ANN")["neurons"]
-        nets = {
-            a: networks(data, a, number, neurons, options.seed) for a in ARCHITECTURES
-        }
+        nets = {a: networks(data, a, number, neurons, options.seed) for a in PUBLISHED}
         seen = Seen.of(data.tensile)
         rows, drawn = by_rate(nets["FFRD4"], seen)
         rows += by_lag(nets, data, seen)

@@ -31,6 +31,7 @@ class Settings:
     seed: int = 0
     fraction: float = 1.0  # of the samples, drawn at random
     samples: int | None = None  # a recording, at most; None: as described in `prepared`
+    lag_s: float | None = None  # of past inputs; None: one sample, as published
 
     def __post_init__(self) -> None:
         one_of("inputs", self.inputs, ARCHITECTURES)
@@ -46,6 +47,8 @@ class Settings:
             raise InputError(
                 f"fraction is {self.fraction}; allowed is above 0, at most 1"
             )
+        if self.lag_s is not None and not 0 < self.lag_s < float("inf"):
+            raise InputError(f"lag is {self.lag_s} s; it must be above 0")
         if self.samples is not None and self.samples < 2:
             raise InputError(f"samples is {self.samples}; at least 2 are needed")
 
@@ -72,11 +75,11 @@ class Places:
 def study_parser(
     name: str, doc: str | None, defaults: Settings, omit: str = ""
 ) -> Parser:
-    """The options of a network study, but for `omit`, which the study itself varies."""
+    """The options of a network study but for those in `omit`, which it varies."""
     made = parser(name, doc)
 
     def add(option: str, **about: Any) -> None:
-        if option != f"--{omit}":
+        if option.removeprefix("--") not in omit.split():
             made.add_argument(option, **about)
 
     add("--material", metavar="NAME", help="a material, or all")
@@ -93,6 +96,12 @@ def study_parser(
         "--regularisation",
         default=defaults.regularisation,
         help="bayesian, early-stopping or l2=WEIGHT",
+    )
+    add(
+        "--lag-s",
+        type=float,
+        metavar="SECONDS",
+        help="of past inputs (one sample, as published)",
     )
     add("--folds", type=int, default=defaults.folds, help="of a random split")
     add("--fraction", type=float, default=defaults.fraction, help="of the samples")

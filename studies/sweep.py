@@ -11,7 +11,8 @@ import re
 import sys
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import asdict
 from datetime import datetime
 from functools import cache
@@ -24,7 +25,7 @@ from tqdm import tqdm
 
 import softnn
 from softnn.contracts import InputError
-from softnn.search import Finished, Objective, Range, Search, Value
+from softnn.search import Finished, Objective, Range, Result, Search, Value, When
 from studies.common import fingerprint
 from studies.material_data import Data
 from studies.settings import Places, Settings, listed
@@ -56,26 +57,35 @@ class Sweep:
         space: Mapping[str, Sequence[Value] | Range],
         places: Places,
         total: int,
+        objectives: int = 1,
+        trainer: Trainer | None = None,
+        code: Sequence[Path] = (),
     ) -> None:
         from softnn.tracking import Tracker
 
         self._began = time.perf_counter()
         self.study, self.data, self.settings = study, data, settings
+        self.trainer = trainer or Trainer(data, settings)
         content = {
             "study": study,
             "settings": asdict(settings) | {"data": data.source},
             "material": data.material,
             "space": {k: str(v) for k, v in space.items()},
+            "training": asdict(self.trainer.training),
             "data": data.digest,
             "version": softnn.__version__,
         }
         name = re.sub(r"\W+", "-", f"{study}-{data.source}-{data.material}")[:60]
-        self.key = f"{name}-{fingerprint(content, files=_code())}"
-        self.trainer = Trainer(data, settings)
+        self.key = f"{name}-{fingerprint(content, files=(*_code(), *code))}"
         # What cannot be split is said before anything is opened.
         self.trainer.folds(settings.split, settings.inputs, settings.seed)
         self.search = Search(
-            places.storage, self.key, space, seed=settings.seed, fresh=places.fresh
+            places.storage,
+            self.key,
+            space,
+            seed=settings.seed,
+            fresh=places.fresh,
+            objectives=objectives,
         )
         try:
             identity = self.search.remember("identity", uuid.uuid4().hex)
@@ -150,18 +160,33 @@ class Sweep:
         for trial in self.search.minimise(objective, trials, **fixed):
             yield self._keep(trial)
 
+    def explore(
+        self,
+        submit: Callable[[dict[str, Any]], Future[Result]],
+        trials: int,
+        *,
+        first: Sequence[Mapping[str, Value]] = (),
+        when: When | None = None,
+    ) -> Iterator[Finished]:
+        """`trials` trials towards the front of all objectives."""
+        for trial in self.search.explore(submit, trials, first=first, when=when):
+            yield self._keep(trial)
+
     def _keep(self, trial: Finished) -> Finished:
         found = trial.result
-        metrics = {
-            key: found[key]
-            for key in ("nrmse", "r2", "gamma", "iterations", "seconds", "samples")
+        # The run's own figure is the mean; folds are the steps of another.
+        metrics: dict[str, Any] = {
+            "nrmse": found["generalisation_error"],
+            "r2": found["r2_mean"],
+            "gamma": float(np.mean(found["gamma"])),
         }
-        metrics |= {
-            "nrmse_mean": found["generalisation_error"],
-            "r2_mean": found["r2_mean"],
-            "gamma_mean": float(np.mean(found["gamma"])),
-            "parameters": found["parameters"],
-        }
+        for key in ("nrmse", "r2", "gamma", "iterations"):
+            metrics[f"fold_{key}"] = found[key]
+        for key in ("seconds", "samples", "parameters"):
+            metrics[key] = found[key]
+        if "unseen" in found:
+            metrics["nrmse_unseen"] = float(np.mean(found["unseen"]["nrmse"]))
+            metrics["fold_nrmse_unseen"] = found["unseen"]["nrmse"]
         self.tracker.trial(
             describe(trial.parameters),
             trial.parameters,

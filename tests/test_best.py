@@ -1,7 +1,7 @@
 """The kept configurations, trained again, still reach what they reached."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -39,9 +39,9 @@ def test_two_networks_of_the_cheapest():
     folds = trainer.folds(settings.split, settings.inputs, settings.seed)
     two = replace(folds, test=folds.test[:2], names=folds.names[:2])
     known = trainer.samples(settings.inputs)
-    chosen = asdict(settings) | {"neurons": settings.neurons[0]}
+    chosen = trainer.chosen({"neurons": settings.neurons[0]})
     for network, test, error in zip(
-        trainer.networks(chosen, two), two.test, content["nrmse"], strict=False
+        trainer.networks(chosen, [two], [0]), two.test, content["nrmse"], strict=False
     ):
         predicted = network.network.predict(known.inputs[test])
         assert nrmse(predicted, known.target[test]) == pytest.approx(

@@ -14,7 +14,16 @@ PACKAGE = ROOT / "softnn"
 ORDER = (
     ("contracts",),
     ("axes",),
-    ("recording", "metrics", "materials", "noise", "bounded", "workers", "json_file"),
+    (
+        "recording",
+        "metrics",
+        "materials",
+        "noise",
+        "bounded",
+        "workers",
+        "json_file",
+        "database",
+    ),
     ("plausible", "readers", "prepare", "virtual", "models", "effects", "neural"),
     ("properties", "simulate"),
     ("fit",),

@@ -314,8 +314,10 @@ def test_stopped_and_started_again_goes_on(stop, tmp_path):
     assert len(nested) == len({r.info.run_name for r in nested}) == COMPLETE
     for one in nested:
         for name in ("nrmse", "r2", "gamma"):
-            history = client.get_metric_history(one.info.run_id, name)
+            history = client.get_metric_history(one.info.run_id, f"fold_{name}")
             assert [m.step for m in history] == list(range(3))
+            mean = np.mean([m.value for m in history])
+            assert one.data.metrics[name] == pytest.approx(mean, rel=1e-12)
         assert {"seed", "data_sha256", "neurons", "split"} <= set(one.data.params)
     artifacts = {f.path for f in client.list_artifacts(parents[0].info.run_id)}
     assert {"comparison.csv", "neurons.csv", "best.json"} <= artifacts

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from softnn.contracts import InputError
 from softnn.export.parts import Instance, Options, struct_of
 from softnn.export.templates_of import blocks, fill, literal
-from softnn.neural import ARCHITECTURES, StoredNetwork
+from softnn.neural import ARCHITECTURES, PUBLISHED, Architecture, StoredNetwork
 from softnn.neural.guard import SLACK
 
 
 def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> Instance:
     out = Instance(prefix, is_network=True)
-    row, net = ARCHITECTURES[model.architecture], model.network
+    row, net = stepped(model), model.network
     size, wide = net.hidden.shape[0], net.hidden.shape[1] - 1
     out.functions.append(
         fill(
@@ -66,6 +67,16 @@ def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> I
         else "Before the first sample the strain is taken as that of the first."
     )
     return out
+
+
+def stepped(model: StoredNetwork) -> Architecture:
+    """The inputs of a network; `InputError` for those that no export can make."""
+    if model.architecture not in PUBLISHED:
+        raise InputError(
+            f"a network of inputs {model.architecture} cannot be exported; allowed is "
+            f"{', '.join(PUBLISHED)}"
+        )
+    return ARCHITECTURES[model.architecture]
 
 
 def _check(model: StoredNetwork, guard: str) -> str:

@@ -6,8 +6,9 @@ import numpy as np
 
 import softnn
 from softnn.contracts import InputError
+from softnn.export.network import stepped
 from softnn.mismatch.model_file import Stored
-from softnn.neural import ARCHITECTURES, StoredNetwork
+from softnn.neural import StoredNetwork
 from softnn.neural.guard import SLACK
 
 OPSET, IR_VERSION = 17, 8
@@ -30,7 +31,7 @@ def onnx_model(model: Stored | StoredNetwork) -> bytes:
         from onnx import TensorProto, helper, numpy_helper
     except ModuleNotFoundError:
         raise InputError("onnx is not installed; pip install softnn[export]") from None
-    net, row = model.network, ARCHITECTURES[model.architecture]
+    net, row = model.network, stepped(model)
     slack = SLACK * (net.inputs.high - net.inputs.low)
     constants = {
         "middle": (net.inputs.low + net.inputs.high) / 2,

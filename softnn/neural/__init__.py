@@ -1,4 +1,4 @@
-"""Neural networks of one tanh layer: input architectures, training, prediction."""
+"""Neural networks of one layer: input architectures, training, prediction."""
 
 import os
 
@@ -6,8 +6,15 @@ import os
 # ten times slower as soon as anything else runs on the same cores.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
+from softnn.neural.fitting import fit_samples, run
 from softnn.neural.guard import Seen, counted
-from softnn.neural.inputs import ARCHITECTURES, Architecture, Samples, samples
+from softnn.neural.inputs import (
+    ARCHITECTURES,
+    PUBLISHED,
+    Architecture,
+    Samples,
+    samples,
+)
 from softnn.neural.levenberg import Settings
 from softnn.neural.network import Network, Scaling
 from softnn.neural.stored import StoredNetwork
@@ -15,6 +22,7 @@ from softnn.neural.training import Regularisation, Trained, train
 
 __all__ = [
     "ARCHITECTURES",
+    "PUBLISHED",
     "Architecture",
     "Network",
     "Regularisation",
@@ -25,6 +33,8 @@ __all__ = [
     "StoredNetwork",
     "Trained",
     "counted",
+    "fit_samples",
+    "run",
     "samples",
     "train",
 ]

@@ -1,45 +1,81 @@
-"""Input architectures of the thesis (Table 6.3), as rows of a table."""
+"""Input architectures: those of the thesis (Table 6.3), and what it left to others."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from softnn.contracts import Array, InputError
+from softnn.neural.history import at_lag, earlier, filtered, largest
 from softnn.recording import Recording
 
 
 @dataclass(frozen=True)
 class Architecture:
-    """Strain at each of `lags` (in units of the lag time), and the strain rate."""
+    """What stands in a row of inputs, in this order.
+
+    Strain at each of `lags` (in units of the lag time), the strain rate, the largest
+    strain so far, strain behind filters of `filters` lag times, the stress of a lag
+    ago. `radial`: Gaussian units in place of tanh.
+    """
 
     lags: tuple[int, ...]
     rate: bool = False
+    largest: bool = False
+    filters: tuple[int, ...] = ()
+    feedback: bool = False
+    radial: bool = False
+
+    @property
+    def width(self) -> int:
+        """Number of inputs."""
+        extra = self.rate + self.largest + len(self.filters) + self.feedback
+        return len(self.lags) + extra
+
+    @property
+    def lagged(self) -> bool:
+        """Whether the lag time matters whatever the recording."""
+        return len(self.lags) > 1 or bool(self.filters) or self.feedback
 
 
+PUBLISHED = ("FFRI1", "FFRI2", "FFRI3", "FFRD4")  # Table 6.3
 ARCHITECTURES = {
     "FFRI1": Architecture(lags=(0,)),
     "FFRI2": Architecture(lags=(0, 1)),
     "FFRI3": Architecture(lags=(0, 1, 2)),
     "FFRD4": Architecture(lags=(0,), rate=True),
+    "FFRD4S": Architecture(lags=(0,), rate=True, feedback=True),  # section 6.4.1
+    "FFH4": Architecture(lags=(0,), largest=True, filters=(1, 10)),  # section 8.3
+    "RBF": Architecture(lags=(0,), rate=True, radial=True),  # section 8.3
 }
+FILTER_S = 1.0  # shortest filter where no lag is given: tests last 5 s to minutes
 
 
 @dataclass(frozen=True)
 class Samples:
     """A training set: inputs (n, d), target stress (n,) in MPa, and whose they are.
 
-    `recording` (n,) is an index into the recordings; `names` (d,) are the columns.
-    `lag_s` is the lag time, or None where each recording's own step was used.
+    `recording` (n,) is an index into the recordings, `position` (n,) one into the
+    samples of that recording; `names` (d,) are the columns. `lag_s` is the lag time,
+    or None where each recording's own step was used.
     """
 
     inputs: Array
     target: Array
     recording: np.ndarray
+    position: np.ndarray
     names: tuple[str, ...]
     lag_s: float | None = None
+
+    def take(self, index: np.ndarray) -> Samples:
+        """The rows at `index`."""
+        rows = {
+            name: getattr(self, name)[index]
+            for name in ("inputs", "target", "recording", "position")
+        }
+        return replace(self, **rows)
 
 
 def samples(
@@ -51,39 +87,66 @@ def samples(
 
     The thesis counts lags in samples, so that one network means different things at
     different sampling; here a lag is a time, `lag_s` [s], one sampling step of the
-    recording by default. The strain rate [1/s] is the nominal one for a tensile test
-    (the thesis's choice) and the backward difference over one lag otherwise; before
-    the first sample the specimen is at rest.
+    recording by default (filters: `FILTER_S`). The strain rate [1/s] is the nominal
+    one for a tensile test (the thesis's choice) and the backward difference over one
+    lag otherwise; before the first sample the specimen is at rest. Stress fed back is
+    the measured one, as a load cell would give it.
     """
-    if architecture not in ARCHITECTURES:
-        raise InputError(
-            f"architecture is {architecture!r}; allowed is {', '.join(ARCHITECTURES)}"
-        )
+    row = architecture_of(architecture)
     if lag_s is not None and not (np.isfinite(lag_s) and lag_s > 0):
         raise InputError(f"lag is {lag_s} s; it must be above 0")
     if not recordings:
         raise InputError("no recordings; at least one is needed")
-    row = ARCHITECTURES[architecture]
-    blocks, targets, owners = [], [], []
+    blocks, targets, owners, positions = [], [], [], []
     for i, recording in enumerate(recordings):
-        columns = [_lagged(recording, lag, lag_s) for lag in row.lags]
-        if row.rate:
-            columns.append(strain_rate(recording, lag_s))
-        inputs = np.column_stack(columns)
+        inputs = columns(recording, architecture, lag_s)
+        if row.feedback:
+            past = at_lag(recording.stress_MPa, *earlier(recording, lag_s))
+            inputs = np.column_stack([inputs, past])
         keep = np.isfinite(inputs).all(axis=1) & np.isfinite(recording.stress_MPa)
         blocks.append(inputs[keep])
         targets.append(recording.stress_MPa[keep])
         owners.append(np.full(int(keep.sum()), i))
-    names = tuple(f"strain[t-{lag}]" if lag else "strain" for lag in row.lags)
-    if row.rate:
-        names += ("strain_rate_per_s",)
+        positions.append(np.flatnonzero(keep))
     return Samples(
         np.concatenate(blocks),
         np.concatenate(targets),
         np.concatenate(owners),
-        names,
+        np.concatenate(positions),
+        _names(row),
         lag_s,
     )
+
+
+def architecture_of(name: str) -> Architecture:
+    """The architecture of a name; `InputError` for any other."""
+    if name not in ARCHITECTURES:
+        raise InputError(
+            f"architecture is {name!r}; allowed is {', '.join(ARCHITECTURES)}"
+        )
+    return ARCHITECTURES[name]
+
+
+def columns(
+    recording: Recording, architecture: str, lag_s: float | None = None
+) -> Array:
+    """Inputs (n, d) that follow from the strain alone: all but a stress fed back."""
+    row = architecture_of(architecture)
+    found = [_lagged(recording, lag, lag_s) for lag in row.lags]
+    if row.rate:
+        found.append(strain_rate(recording, lag_s))
+    if row.largest:
+        found.append(largest(recording))
+    unit = FILTER_S if lag_s is None else lag_s
+    found += [filtered(recording, times * unit) for times in row.filters]
+    return np.column_stack(found)
+
+
+def _names(row: Architecture) -> tuple[str, ...]:
+    names = [f"strain[t-{lag}]" if lag else "strain" for lag in row.lags]
+    names += ["strain_rate_per_s"] * row.rate + ["largest_strain"] * row.largest
+    names += [f"strain_filtered[{times}]" for times in row.filters]
+    return (*names, *["stress_MPa[t-1]"] * row.feedback)
 
 
 def _lagged(recording: Recording, lag: int, lag_s: float | None) -> Array:

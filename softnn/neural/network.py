@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -51,9 +51,13 @@ class Network:
 
     def predict(self, inputs: Array) -> Array:
         """Stress (n,) in MPa for inputs (n, d) in their own units."""
-        x = self.inputs.apply(np.asarray(inputs, float))
-        layer = np.tanh(x @ self.hidden[:, :-1].T + self.hidden[:, -1])
+        layer = self.layer(inputs)
         return self.target.undo(layer @ self.output[:-1] + self.output[-1])
+
+    def layer(self, inputs: Array) -> Array:
+        """What the hidden neurons say (n, s) to inputs (n, d) in their own units."""
+        x = self.inputs.apply(np.asarray(inputs, float))
+        return np.tanh(x @ self.hidden[:, :-1].T + self.hidden[:, -1])
 
     def to_dict(self) -> dict[str, Any]:
         """A JSON-ready dictionary; `from_dict` takes it back exactly."""
@@ -65,7 +69,7 @@ class Network:
         }
 
     @classmethod
-    def from_dict(cls, given: Mapping[str, Any]) -> Network:
+    def from_dict(cls, given: Mapping[str, Any]) -> Self:
         """The network of a dictionary from `to_dict`; `InputError` for a bad one."""
         try:
             hidden = np.asarray(given["hidden"], float)
@@ -89,3 +93,19 @@ class Network:
                 f"{inputs.low.shape}; needed (s, d + 1), (s + 1,), (d,), all finite"
             )
         return cls(hidden, output, inputs, target)
+
+
+@dataclass(frozen=True)
+class RadialNetwork(Network):
+    r"""One hidden layer of Gaussian units and a linear output.
+
+    .. math:: h = w_2 \exp(-|x - c|^2 / 2 w^2) + b_2
+
+    hidden (s, d + 1): the centres c and, last, their width w; the rest as in `Network`.
+    Broomhead and Lowe (1988), Complex Systems 2, 321.
+    """
+
+    def layer(self, inputs: Array) -> Array:
+        x = self.inputs.apply(np.asarray(inputs, float))
+        away = x[:, None, :] - self.hidden[None, :, :-1]
+        return np.exp(-0.5 * (away**2).sum(axis=2) / self.hidden[:, -1] ** 2)

@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 from softnn.axes import SPECIMEN
 from softnn.contracts import Array, Chunk, InputError
+from softnn.neural.fitting import run
 from softnn.neural.guard import Seen
-from softnn.neural.inputs import ARCHITECTURES, samples, strain_rate
-from softnn.neural.network import Network
+from softnn.neural.inputs import ARCHITECTURES, architecture_of, strain_rate
+from softnn.neural.network import Network, RadialNetwork
 from softnn.recording import Recording
 
 KIND = "softnn-network"
@@ -53,10 +54,11 @@ class StoredNetwork:
         if self.seen is not None:
             return self.seen
         low, high = self.network.inputs.low, self.network.inputs.high
-        rate = ARCHITECTURES[self.architecture].rate
+        row = ARCHITECTURES[self.architecture]
+        at = len(row.lags)
         return Seen(
             (float(low[0]), float(high[0])),
-            (float(low[-1]), float(high[-1])) if rate else None,
+            (float(low[at]), float(high[at])) if row.rate else None,
         )
 
     def outside(self, chunk: Chunk) -> npt.NDArray[np.uint8]:
@@ -85,10 +87,9 @@ class StoredNetwork:
             plain = Recording(
                 chunk.time_s, chunk.strain, np.zeros(len(chunk.strain)), name=name
             )
-            known = samples([plain], self.architecture, self.lag_s)
-            if len(known.target) != len(chunk.strain):
+            if not np.isfinite(plain.strain).all():
                 raise InputError(f"{name}: a network needs strain at every sample")
-            out.append(self.network.predict(known.inputs))
+            out += run(self.network, self.architecture, [plain], self.lag_s)
         return out
 
 
@@ -99,17 +100,13 @@ def from_dict(given: Mapping[str, Any]) -> StoredNetwork:
             f"not a network of softnn: kind {given.get('kind')!r}, version "
             f"{given.get('version')!r}; needed {KIND!r}, {VERSION}"
         )
-    architecture = given.get("architecture")
-    if architecture not in ARCHITECTURES:
-        raise InputError(
-            f"architecture is {architecture!r}; allowed is {', '.join(ARCHITECTURES)}"
-        )
+    architecture = str(given.get("architecture"))
+    row = architecture_of(architecture)
     inner = given.get("network")
     if not isinstance(inner, Mapping):
         raise InputError("the file has no network in it")
-    network = Network.from_dict(inner)
-    row = ARCHITECTURES[architecture]
-    wanted, found = len(row.lags) + row.rate, network.hidden.shape[1] - 1
+    network = (RadialNetwork if row.radial else Network).from_dict(inner)
+    wanted, found = row.width, network.hidden.shape[1] - 1
     if wanted != found:
         raise InputError(f"{architecture} has {wanted} inputs; the network has {found}")
     lag = given.get("lag_s")

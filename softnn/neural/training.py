@@ -192,13 +192,15 @@ def train(
     settings: Settings = DEFAULTS,
     starts: int = 1,
     device: str = "cpu",
+    threads: int | None = None,
 ) -> list[Trained]:
     """Train B networks; network i sees the samples in `train_mask[i]` and no others.
 
     inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
     Normalisation is that of the training samples alone. With `starts` above 1 the best
     of that many starts, by log evidence on the summary of the samples, is trained on.
-    The same seed starts the same network, whatever else is in the batch.
+    The same seed starts the same network, whatever else is in the batch. `threads` at
+    work, one a core by default; where processes share the cores one is best.
     """
     inputs, target = np.asarray(inputs, float), np.asarray(target, float)
     _check(inputs, target, neurons, train_mask, seeds, starts)
@@ -206,7 +208,8 @@ def train(
         _Job(inputs, target, np.flatnonzero(mask), int(count), int(seed))
         for mask, count, seed in zip(train_mask, neurons, seeds, strict=True)
     ]
-    groups = _groups(jobs, 1 if device != "cpu" else (os.cpu_count() or 1))
+    threads = 1 if device != "cpu" else threads or os.cpu_count() or 1
+    groups = _groups(jobs, threads)
 
     def run(group: list[int]) -> list[Trained]:
         chosen = [jobs[i] for i in group]
@@ -218,7 +221,7 @@ def train(
         # A thread per core, each with torch on one thread: threads inside the small
         # products of one network wait for each other, and badly so on a busy machine.
         with ThreadPoolExecutor(
-            os.cpu_count(), initializer=torch.set_num_threads, initargs=(1,)
+            threads, initializer=torch.set_num_threads, initargs=(1,)
         ) as pool:
             done = list(pool.map(run, groups))
     found = dict(

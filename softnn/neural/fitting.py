@@ -1,0 +1,82 @@
+"""Networks of any architecture: trained on samples, run over recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softnn.contracts import Array
+from softnn.neural.history import earlier
+from softnn.neural.inputs import Samples, architecture_of, columns
+from softnn.neural.levenberg import DEFAULTS, Settings
+from softnn.neural.network import Network
+from softnn.neural.radial import train_radial
+from softnn.neural.training import BAYESIAN, Regularisation, Trained, train
+from softnn.recording import Recording
+
+
+def fit_samples(
+    known: Samples,
+    architecture: str,
+    *,
+    neurons: Sequence[int],
+    train_mask: np.ndarray,
+    seeds: Sequence[int],
+    regularisation: Regularisation = BAYESIAN,
+    settings: Settings = DEFAULTS,
+    threads: int | None = None,
+) -> list[Trained]:
+    """Networks on rows of samples, tanh or Gaussian units; see `train`."""
+    if architecture_of(architecture).radial:
+        return train_radial(
+            known.inputs,
+            known.target,
+            neurons=neurons,
+            train_mask=train_mask,
+            seeds=seeds,
+            regularisation=regularisation,
+        )
+    return train(
+        known.inputs,
+        known.target,
+        neurons=neurons,
+        train_mask=train_mask,
+        seeds=seeds,
+        regularisation=regularisation,
+        settings=settings,
+        threads=threads,
+    )
+
+
+def run(
+    network: Network,
+    architecture: str,
+    recordings: Sequence[Recording],
+    lag_s: float | None = None,
+) -> list[Array]:
+    """Stress (n,) of each recording, MPa, from its strain and time alone.
+
+    A network that is fed its stress back gets its own, from zero on; nan where strain
+    is missing (and, with feedback, after it).
+    """
+    rows = [columns(r, architecture, lag_s) for r in recordings]
+    if not architecture_of(architecture).feedback:
+        return [network.predict(x) for x in rows]
+    # All recordings step side by side; a recording that has ended repeats its last.
+    most = max(map(len, rows))
+    inputs = np.stack([x[np.minimum(np.arange(most), len(x) - 1)] for x in rows])
+    stress = np.zeros((len(rows), most + 1))  # the first column is before the start
+    places = [earlier(r, lag_s) for r in recordings]
+    index = np.stack([_padded(i, most) for i, _ in places])
+    weight = np.stack([_padded(w, most) for _, w in places])
+    every = np.arange(len(rows))
+    for i in range(most):
+        j, w = index[:, i] + 1, weight[:, i]
+        past = (1 - w) * stress[every, j] + w * stress[every, np.minimum(j + 1, i)]
+        stress[:, i + 1] = network.predict(np.column_stack([inputs[:, i], past]))
+    return [row[1 : len(x) + 1] for row, x in zip(stress, rows, strict=True)]
+
+
+def _padded(values: np.ndarray, most: int) -> np.ndarray:
+    return np.concatenate([values, np.repeat(values[-1:], most - len(values))])

@@ -1,0 +1,227 @@
+"""Which network for which use: inputs, neurons, regularisation and lag in one search?
+
+One search a material over input architectures (those of Table 6.3, with the stress fed
+back as in section 6.4.1, with filtered strains and Gaussian units as in 8.3), 1 to 20
+neurons, three ways of regularisation, and the lag of past inputs as a time. There are
+two objectives: the error by random folds, as published, and the error at strain rates
+never seen (by recording where a set has one rate). The answer is their Pareto front,
+with piecewise-linear models and gradient-boosted trees on the same folds beside it.
+
+Optuna prunes for one objective only, so folds are stopped by a rule of this study: the
+unseen rates are judged whole, then random folds four at a time, until a network on the
+present front is better at unseen rates and, by Wilcoxon's signed ranks over the folds
+so far (one-sided, 0.1), by random folds too. A stopped trial keeps the mean of its
+folds for the search and is never on the front.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from softnn.contracts import InputError
+from softnn.neural import ARCHITECTURES
+from softnn.search import Finished, Range, Value
+from studies.architectures_baselines import baselines
+from studies.architectures_report import (
+    Choice,
+    choices,
+    draw,
+    front,
+    rows_of,
+    sentence,
+    table,
+)
+from studies.architectures_trials import (
+    A_TIME,
+    LAGS,
+    ONE_SAMPLE,
+    TRAINING,
+    WEIGHTS,
+    Judge,
+    conditions,
+    opening,
+    unseen_split,
+)
+from studies.common import guarded, save_figure, write_result
+from studies.material_data import Data, prepared
+from studies.settings import (
+    Places,
+    Settings,
+    places_of,
+    settings_of,
+    smoked,
+    study_parser,
+)
+from studies.sweep import Sweep, headline_of_all
+from studies.trainer import Trainer
+
+DEFAULTS = Settings(samples=200)  # neighbours in time say the same thing twice
+TRIALS = 300
+CODE = (Path(__file__).with_name("architectures_trials.py"),)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.architectures`; returns the exit code."""
+    made = study_parser(
+        "architectures", __doc__, DEFAULTS, omit="inputs split regularisation lag-s"
+    )
+    made.add_argument("--trials", type=int, default=TRIALS, help=f"({TRIALS})")
+    arguments = made.parse_args(argv)
+
+    def work() -> None:
+        settings = settings_of(arguments, DEFAULTS)
+        if arguments.trials < 1:
+            raise InputError(f"trials is {arguments.trials}; at least 1 is needed")
+        usual = replace(DEFAULTS, material=settings.material, data=settings.data)
+        places = places_of(arguments, published=settings == usual)
+        if arguments.smoke:
+            run(smoked(settings), places, min(arguments.trials, 6))
+        else:
+            run(settings, places, arguments.trials)
+
+    return guarded(work)
+
+
+def run(settings: Settings, places: Places, trials: int) -> dict[str, Any]:
+    """The study of every material asked for; returns what was written."""
+    found, skipped = [], {}
+    materials = prepared(settings)
+    for data in materials:
+        try:
+            found.append(study(data, settings, places, trials))
+        except InputError as reason:
+            if len(materials) == 1:
+                raise
+            skipped[data.label] = str(reason)
+            print(f"\n{data.label}: left out: {reason}")
+    if not found:
+        raise InputError(f"no material can be judged: {'; '.join(skipped.values())}")
+    name = settings.file_name("architectures")
+    files = save_figure(draw(found), name, places.results)
+    headline = headline_of_all(found)
+    path = write_result(
+        name,
+        headline,
+        {
+            "settings": asdict(settings),
+            "training": asdict(TRAINING),
+            "materials": found,
+            "left_out": skipped,
+        },
+        seed=settings.seed,
+        data={one["label"]: one["data_sha256"] for one in found},
+        folder=places.results,
+    )
+    print(f"\nresult: {path}; figure: {files[0]}; runs: {places.tracking}")
+    return {"headline": headline, "materials": found}
+
+
+def study(
+    data: Data, settings: Settings, places: Places, trials: int
+) -> dict[str, Any]:
+    """One material: the search, the front, the choice for each use, the sentence."""
+    trainer = Trainer(data, settings, TRAINING)
+    unseen = unseen_split(trainer)
+    seeds = [settings.seed, settings.seed + 1]
+    space: dict[str, Sequence[Value] | Range] = {
+        "inputs": list(ARCHITECTURES),
+        "neurons": settings.neurons,
+        "regularisation": ["bayesian", "early-stopping", "l2"],
+        "closed_form": ["bayesian", "l2"],
+        "weight": WEIGHTS,
+        "lag": [ONE_SAMPLE, A_TIME],
+        "lag_s": LAGS,
+        "folds_seed": seeds,
+    }
+    differenced = any(r.test != "tensile" or not r.rate_per_s for r in data.tensile)
+    with (
+        Sweep(
+            "architectures", data, settings, space, places, trials + 2, 2, trainer, CODE
+        ) as sweep,
+        Judge(trainer, unseen, sweep.search) as judge,
+    ):
+        tried = list(
+            sweep.explore(
+                judge.submit,
+                trials,
+                first=opening(settings),
+                when=conditions(differenced),
+            )
+        )
+        best = choices(tried)
+        anew = {
+            use: sweep.run(
+                judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}
+            )
+            for use, one in best.items()
+        }
+        beside = baselines(
+            data,
+            trainer.samples("FFRD4"),
+            {
+                "random": trainer.folds("random", "FFRD4", seeds[0]),
+                "unseen": trainer.folds(unseen, "FFRD4", seeds[0]),
+            },
+            settings.seed,
+        )
+        said = sentence(data.label, unseen, best, anew, beside)
+        headline = headline_of(tried, best, anew)
+        sweep.tracker.result(
+            {k: v for k, v in headline.items() if isinstance(v, int | float)},
+            note=f"{said}\n\n{table(tried, beside)}",
+            texts={"front.md": table(tried, beside)},
+            tags={"best": sweep_name(best)},
+        )
+        found = {
+            "material": data.material,
+            "label": data.label,
+            "data_sha256": data.digest,
+            "samples": sum(map(len, data.tensile)),
+            "unseen": unseen,
+            "headline": headline,
+            "sentence": said,
+            "choices": {use: one.entry(anew[use]) for use, one in best.items()},
+            "front": rows_of(front(tried), folds=True),
+            "baselines": beside,
+            "trials": rows_of(tried),
+            "trials_from_store": sum(t.stored for t in sweep.trials),
+            "seconds": sweep.seconds,
+            "study_key": sweep.key,
+        }
+        from_store = sweep.from_store()
+    print(f"\n{said}\n\n{table(tried, beside)}")
+    if from_store:
+        print(from_store)
+    return found
+
+
+def sweep_name(best: Mapping[str, Choice]) -> str:
+    """The choices in a few words."""
+    return "; ".join(f"{use}: {one.words}" for use, one in best.items())
+
+
+def headline_of(
+    tried: Sequence[Finished],
+    best: Mapping[str, Choice],
+    anew: Mapping[str, Finished],
+) -> dict[str, Any]:
+    """Named figures, flat: errors as fractions."""
+    found: dict[str, Any] = {
+        "trials": len(tried),
+        "trials_stopped": sum(t.result["stopped_after"] is not None for t in tried),
+        "front": len(front(tried)),
+    }
+    for use, one in best.items():
+        found[f"{use}_configuration"] = one.words
+        found[f"{use}_ties"] = one.ties
+        for name, value in zip(("random", "unseen"), anew[use].values, strict=True):
+            found[f"{use}_nrmse_{name}"] = value
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

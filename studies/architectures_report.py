@@ -1,0 +1,286 @@
+"""How the study of architectures shows what it found: front, choices, figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from softnn.neural import ARCHITECTURES
+from softnn.search import Finished
+from studies.common import COLOURS, FAINT, INK, markdown, new_figure, percent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+USES = ("random", "unseen")  # the order of the objectives
+WORDS = {"rate": "by unseen rate", "recording": "by unseen recording"}
+SHAPES = "osD^vP*"
+BESIDE = {"PL-SLS": "X", "PL-Wiechert": "P", "gradient": "s"}
+WORST = 2.0  # NRMSE beyond which nothing is drawn
+
+
+def front(tried: Sequence[Finished]) -> list[Finished]:
+    """Whole trials that no other whole trial beats in both objectives, best first."""
+    whole = [t for t in tried if t.result["stopped_after"] is None]
+    kept: list[Finished] = []
+    for trial in sorted(whole, key=lambda t: (t.values, t.number)):
+        if not kept or trial.values[1] < kept[-1].values[1]:
+            kept.append(trial)
+    return kept
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The network for one use: the smallest of those that tie with the best.
+
+    A tie: the error is within one standard error, over folds, of the least (Breiman et
+    al. 1984). `ties` counts them, the best one too; `fewest` is their least neuron
+    count.
+    """
+
+    use: str
+    trial: Finished
+    best: Finished
+    ties: int
+    fewest: int
+
+    @property
+    def words(self) -> str:
+        return words(self.trial)
+
+    def entry(self, anew: Finished) -> dict[str, Any]:
+        """As the result file keeps it; `anew`: other folds, other starting weights."""
+        return {
+            "configuration": self.trial.result["configuration"],
+            "words": self.words,
+            "ties": self.ties,
+            "fewest_neurons_of_ties": self.fewest,
+            "best": rows_of([self.best])[0],
+            "searched": rows_of([self.trial], folds=True)[0],
+            "anew": rows_of([anew], folds=True)[0],
+        }
+
+
+def choices(tried: Sequence[Finished]) -> dict[str, Choice]:
+    """For each use its choice among all whole trials."""
+    whole = [t for t in tried if t.result["stopped_after"] is None]
+    found = {}
+    for i, use in enumerate(USES):
+        best = min(whole, key=lambda t: (t.values[i], t.number))
+        ties = [t for t in whole if t.values[i] <= best.values[i] + spread(best, use)]
+        small = min(ties, key=lambda t: (t.result["parameters"], t.values[i]))
+        fewest = min(t.parameters["neurons"] for t in ties)
+        found[use] = Choice(use, small, best, len(ties), fewest)
+    return found
+
+
+def folds(trial: Finished, use: str) -> np.ndarray:
+    """NRMSE (k,) of a trial by fold."""
+    found = trial.result["unseen"] if use == "unseen" else trial.result
+    return np.array(found["nrmse"])
+
+
+def spread(trial: Finished, use: str) -> float:
+    """Standard error of the mean NRMSE over folds."""
+    found = folds(trial, use)
+    return float(found.std(ddof=1) / np.sqrt(len(found)))
+
+
+def paired(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+    """Mean of one - other over folds (k,), and its standard error.
+
+    >>> paired(np.array([2.0, 4.0]), np.array([1.0, 1.0]))
+    (2.0, 1.0)
+    """
+    gap = one - other
+    return float(gap.mean()), float(gap.std(ddof=1) / np.sqrt(len(gap)))
+
+
+def words(trial: Finished) -> str:
+    """A configuration in a few words."""
+    chosen = trial.result["configuration"]
+    count = chosen["neurons"]
+    how = chosen["regularisation"]
+    if how.startswith("l2="):
+        how = f"L2 {float(how[3:]):.1e}"
+    text = f"{chosen['inputs']}, {count} neuron{'s' * (count != 1)}, {how}"
+    if chosen["lag_s"] is not None:
+        return f"{text}, lag {chosen['lag_s']:.2g} s"
+    lagged = ARCHITECTURES[chosen["inputs"]].lagged
+    return f"{text}, lag one sample" if lagged else text
+
+
+def sentence(
+    label: str,
+    unseen: str,
+    best: Mapping[str, Choice],
+    anew: Mapping[str, Finished],
+    beside: Sequence[Mapping[str, Any]],
+) -> str:
+    """Which configuration to take for which use, with errors of folds drawn anew."""
+    return (
+        f"{label}: "
+        + "; ".join(_of_use(use, unseen, best[use], anew[use], beside) for use in USES)
+        + "."
+    )
+
+
+def _of_use(
+    use: str,
+    unseen: str,
+    one: Choice,
+    anew: Finished,
+    beside: Sequence[Mapping[str, Any]],
+) -> str:
+    mine = folds(anew, use)
+    means = {
+        "random": "between samples of recordings one has",
+        "unseen": f"for a {unseen} never seen",
+    }[use]
+    judged = "by random folds" if use == "random" else WORDS[unseen]
+    error = _pm(float(mine.mean()), spread(anew, use))
+    text = f"{means} take {one.words} ({error} {judged}; "
+    if one.ties > 1:
+        gap, within = paired(folds(one.trial, use), folds(one.best, use))
+        text += (
+            f"a tie of {one.ties} with the best, {words(one.best)}, which is ahead by "
+            f"{_pm(gap, within, 2)}; fewest neurons of the tie {one.fewest}"
+        )
+    else:
+        text += "no ties"
+    able = [b for b in beside if not isinstance(b[use], str)]
+    if not able:
+        return text + ")"
+    rival = min(able, key=lambda b: np.mean(b[use]))
+    text += f"; {rival['model']} {percent(float(np.mean(rival[use])), 1)}"
+    if use == "unseen":  # folds drawn anew are other ones where they are random
+        gap, within = paired(mine, np.array(rival[use]))
+        if abs(gap) <= within:
+            text += f", a tie with the network ({_pm(gap, within)})"
+        else:
+            verdict = "better" if gap < 0 else "worse"
+            text += f", the network is {verdict} by {_pm(abs(gap), within)}"
+    return text + ")"
+
+
+def _pm(mean: float, error: float, digits: int = 1) -> str:
+    both = (f"{100 * value:.{digits}f}" for value in (mean, error))
+    return " \N{PLUS-MINUS SIGN} ".join(both) + " %"
+
+
+def rows_of(trials: Sequence[Finished], folds: bool = False) -> list[dict[str, Any]]:
+    """Trials as the result file keeps them."""
+    rows = []
+    for trial in trials:
+        found = trial.result
+        row: dict[str, Any] = {
+            **found["configuration"],
+            "parameters": found["parameters"],
+            "random": trial.values[0],
+            "unseen": trial.values[1],
+            "stopped_after": found["stopped_after"],
+        }
+        if "nrmse_measured" in found:
+            row["random_measured"] = float(np.mean(found["nrmse_measured"]))
+        if folds:
+            row["folds_random"] = found["nrmse"]
+            row["folds_unseen"] = dict(
+                zip(found["unseen"]["folds"], found["unseen"]["nrmse"], strict=True)
+            )
+        rows.append(row)
+    return rows
+
+
+def table(tried: Sequence[Finished], beside: Sequence[Mapping[str, Any]]) -> str:
+    """The front and what stands beside it, as Markdown."""
+    rows = [
+        [words(t), percent(t.values[0]), percent(t.values[1])] for t in front(tried)
+    ]
+    for model in beside:
+        rows.append([model["model"], *(_mean(model[use]) for use in USES)])
+    return markdown(["model", "random folds", "unseen"], rows)
+
+
+def _mean(errors: Sequence[float] | str) -> str | None:
+    return None if isinstance(errors, str) else percent(float(np.mean(errors)))
+
+
+# --- figure ---------------------------------------------------------------------------
+
+
+def draw(found: Sequence[Mapping[str, Any]]) -> Figure:
+    """Both errors of every trial, the front as a line, a panel a material."""
+    columns = min(len(found), 3)
+    rows = -(-len(found) // columns)
+    figure = new_figure(max(5.6, 3.4 * columns), 3.3 * rows + 0.9)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels[len(found) :]:
+        axes.set_visible(False)
+    for axes, one in zip(panels, found, strict=False):
+        _panel(axes, one)
+    handles: dict[str, Any] = {}
+    for axes in panels[: len(found)]:
+        handles |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(
+        list(handles.values()),
+        list(handles),
+        loc="outside lower center",
+        ncols=min(5, 2 + columns * 2),
+        fontsize=7,
+    )
+    return figure
+
+
+def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
+    colours = [*COLOURS, INK]
+    for i, name in enumerate(ARCHITECTURES):
+        mine = [t for t in one["trials"] if t["inputs"] == name]
+        whole = [t for t in mine if t["stopped_after"] is None]
+        rest = [t for t in mine if t["stopped_after"] is not None]
+        about: dict[str, Any] = {
+            "color": colours[i],
+            "marker": SHAPES[i],
+            "linestyle": "none",
+        }
+        axes.plot(*_points(rest), markersize=2.5, alpha=0.3, zorder=1, **about)
+        axes.plot(*_points(whole), markersize=4.5, label=name, zorder=3, **about)
+    line = np.array([_point(t) for t in one["front"]])
+    axes.plot(*line.T, "-", color=INK, linewidth=1, label="front", zorder=2)
+    for model in one["baselines"]:
+        values = [model[use] for use in USES]
+        if any(isinstance(v, str) for v in values):
+            continue
+        kind = next(k for k in BESIDE if model["model"].startswith(k))
+        thesis = model["model"].endswith("thesis")
+        axes.plot(
+            *(100 * float(np.mean(v)) for v in values),
+            BESIDE[kind],
+            markersize=8,
+            markerfacecolor="white" if thesis else "#ffe14d",
+            markeredgecolor=INK,
+            label=model["model"],
+            linestyle="none",
+            zorder=4,
+        )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")
+    axes.set_title(one["label"], fontsize=8)
+    axes.set_xlabel("NRMSE by random folds [%]")
+    axes.set_ylabel(f"NRMSE {WORDS[one['unseen']]} [%]")
+    axes.grid(color=FAINT, alpha=0.25, linewidth=0.6, which="both")
+
+
+def _point(trial: Mapping[str, Any]) -> tuple[float, float]:
+    return 100 * trial["random"], 100 * trial["unseen"]
+
+
+def _points(trials: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float]]:
+    shown = [_point(t) for t in trials if max(t["random"], t["unseen"]) < WORST]
+    return [x for x, _ in shown], [y for _, y in shown]

@@ -1,0 +1,208 @@
+"""A trial of the study of architectures: what is drawn, and how it is judged.
+
+Folds are stopped by Wilcoxon's signed ranks against the front: see
+`studies.architectures`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+from scipy.stats import wilcoxon
+
+from softnn.contracts import InputError
+from softnn.neural import ARCHITECTURES
+from softnn.neural import Settings as Training
+from softnn.search import Range, Result, Search, Value
+from softnn.workers import workers
+from studies.architectures_report import front
+from studies.material_data import Data
+from studies.settings import Settings
+from studies.trainer import Trainer
+
+TRAINING = Training(epochs=100)  # most settle in 50; the rest gain little by 1000
+WEIGHTS = Range(1e-8, 1.0, log=True)
+LAGS = Range(0.05, 50.0, log=True)  # s
+ONE_SAMPLE, A_TIME = "one sample", "time"
+PART = 4  # random folds judged at a time: fewest that can reach the level below
+LEVEL = 0.1
+FIRST = (4, 12)  # neurons of the networks that every search begins with
+
+
+def unseen_split(trainer: Trainer) -> str:
+    """By rate, by recording where there is one rate; `InputError` if neither can be."""
+    seed = trainer.settings.seed
+    try:
+        trainer.folds("rate", "FFRD4", seed)
+    except InputError:
+        trainer.folds("recording", "FFRD4", seed)
+        return "recording"
+    return "rate"
+
+
+def conditions(differenced: bool) -> dict[str, Any]:
+    """Which parameters a configuration has, by those drawn before.
+
+    `differenced`: some strain rate is a difference over the lag, not a nominal one.
+    """
+
+    def lagged(chosen: Mapping[str, Any]) -> bool:
+        row = ARCHITECTURES[chosen["inputs"]]
+        return row.lagged or (row.rate and differenced)
+
+    def l2(chosen: Mapping[str, Any]) -> bool:
+        return "l2" in (chosen.get("regularisation"), chosen.get("closed_form"))
+
+    return {
+        "regularisation": lambda c: not ARCHITECTURES[c["inputs"]].radial,
+        "closed_form": lambda c: ARCHITECTURES[c["inputs"]].radial,
+        "weight": l2,
+        # A filter of one sample would be no filter.
+        "lag": lambda c: lagged(c) and not ARCHITECTURES[c["inputs"]].filters,
+        "lag_s": lambda c: c.get("lag", A_TIME) == A_TIME and lagged(c),
+        "folds_seed": lambda _: False,
+    }
+
+
+def opening(settings: Settings) -> list[dict[str, Value]]:
+    """What every search begins with: each architecture, as published where it was."""
+    counts = sorted({c for c in FIRST if c in settings.neurons} or settings.neurons[:1])
+    return [
+        {
+            "inputs": name,
+            "neurons": count,
+            ("closed_form" if row.radial else "regularisation"): "bayesian",
+            "lag": ONE_SAMPLE,
+            "lag_s": 1.0,
+        }
+        for count in counts
+        for name, row in ARCHITECTURES.items()
+    ]
+
+
+def configuration(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of the search as the trainer takes them.
+
+    >>> configuration({"inputs": "FFRI2", "neurons": 3, "regularisation": "l2",
+    ...                "weight": 0.1, "lag": "one sample"})
+    {'inputs': 'FFRI2', 'neurons': 3, 'regularisation': 'l2=0.1', 'lag_s': None}
+    """
+    how = parameters.get("regularisation") or parameters["closed_form"]
+    found = {
+        "inputs": parameters["inputs"],
+        "neurons": parameters["neurons"],
+        "regularisation": f"l2={parameters['weight']!r}" if how == "l2" else how,
+        "lag_s": parameters.get("lag_s"),
+    }
+    if "folds_seed" in parameters:
+        found["folds_seed"] = parameters["folds_seed"]
+    return found
+
+
+Ahead = Sequence[tuple[float, Sequence[float]]]
+"""Of networks on the front: error at unseen rates, errors of the random folds."""
+
+
+class Judge:
+    """Trials of one material, each in a process of its own; used as a context."""
+
+    def __init__(self, trainer: Trainer, unseen: str, search: Search) -> None:
+        self.trainer, self.unseen, self.search = trainer, unseen, search
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Judge:
+        self._pool = self._stack.enter_context(workers(min(2, os.cpu_count() or 1)))
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    def submit(self, parameters: Mapping[str, Any]) -> Future[Result]:
+        """A trial whose random folds stop when they are plainly not needed."""
+        done = self.search.finished
+        ahead = [(t.values[1], t.result["nrmse"]) for t in front(done)]
+        chosen = configuration(parameters)
+        for other in done:  # the sampler may ask for the same again
+            if other.result["configuration"] == chosen:
+                known: Future[Result] = Future()
+                known.set_result((other.values, other.result))
+                return known
+        return self._submit(chosen, ahead)
+
+    def whole(self, parameters: Mapping[str, Any]) -> Result:
+        """Every fold, whatever the front."""
+        return self._submit(configuration(parameters), []).result()
+
+    def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
+        about = self.trainer.data, self.trainer.settings, self.unseen
+        return self._pool.submit(judged, *about, chosen, ahead)
+
+
+def judged(
+    data: Data,
+    settings: Settings,
+    unseen_split: str,
+    chosen: dict[str, Any],
+    ahead: Ahead,
+) -> Result:
+    """One trial: unseen rates and the first random folds, then the others."""
+    trainer = _trainer(data.digest, data, settings)
+    number = settings.folds
+    both = trainer.judge_parts(
+        chosen, {unseen_split: slice(None), "random": slice(0, min(PART, number))}
+    )
+    unseen, found = both[unseen_split], both["random"]
+    mean = float(np.mean(unseen["nrmse"]))
+    stopped = None
+    for start in range(PART, number, PART):
+        if beaten(found["nrmse"], mean, ahead):
+            stopped = start
+            break
+        part = slice(start, min(start + PART, number))
+        _extend(found, trainer.judge_parts(chosen, {"random": part})["random"])
+    found.pop("nrmse_by_rate")  # of the folds of one part it would mean little
+    error = float(np.mean(found["nrmse"]))
+    return (error, mean), {
+        **found,
+        "generalisation_error": error,
+        "r2_mean": float(np.mean(found["r2"])),
+        "unseen": {k: unseen[k] for k in ("nrmse", "r2", "folds", "seconds")},
+        "configuration": chosen,
+        "stopped_after": stopped,
+    }
+
+
+_TRAINERS: dict[tuple[str, Settings], Trainer] = {}
+
+
+def _trainer(digest: str, data: Data, settings: Settings) -> Trainer:
+    """That of these data in this process: it keeps the inputs that it has made."""
+    if (digest, settings) not in _TRAINERS:
+        _TRAINERS.clear()
+        _TRAINERS[digest, settings] = Trainer(data, settings, TRAINING, threads=1)
+    return _TRAINERS[digest, settings]
+
+
+def beaten(errors: Sequence[float], unseen: float, ahead: Ahead) -> bool:
+    """Whether a network ahead is better in both ways, by the folds judged so far."""
+    for far, folds in ahead:
+        gap = np.array(errors) - np.array(folds[: len(errors)])
+        if (
+            far <= unseen
+            and gap.any()
+            and wilcoxon(gap, alternative="greater").pvalue <= LEVEL
+        ):
+            return True
+    return False
+
+
+def _extend(found: dict[str, Any], more: Mapping[str, Any]) -> None:
+    """Add the folds of a part to those before it."""
+    for key, value in more.items():
+        if isinstance(value, list) or key == "seconds":
+            found[key] = found[key] + value
