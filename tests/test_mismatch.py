@@ -81,7 +81,6 @@ def test_two_effects_are_both_named(tmp_path):
     assert sorted(found.result["selected"]) == ["mullins_softening", "sensor_lag"]
 
 
-@pytest.mark.xfail(reason="three effects together stand for wear, at 0.5 to 0.9")
 def test_what_is_on_no_list_is_named_after_nothing_on_it(tmp_path):
     # Wear with the time under load, by a law of its own: nearest come drift and slip.
     worn = []
@@ -144,7 +143,6 @@ def test_a_gap_too_small_for_any_recording_is_named(tmp_path):
     assert values[0] == pytest.approx(gap, rel=0.3)
 
 
-@pytest.mark.xfail(reason="named, but at a probability below 0.9")
 def test_softening_is_said_to_have_been_left_out(tmp_path):
     found = diagnose(read_case(write_case(tmp_path / "soft", [mullins()]))).result
     assert found["verdict"] == "explained"
