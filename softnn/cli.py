@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import re
 import sys
 from collections.abc import Sequence
@@ -33,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add_simulate(commands)
     add_export(commands)
     add_demo(commands)
+    _add_rerun(commands)
     words = sys.argv[1:] if argv is None else list(argv)
     try:
         if words and not words[0].startswith("-") and words[0] not in commands.choices:
@@ -48,6 +50,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `softnn read ... | head`
         sys.stderr.close()
         return 0
+
+
+# -- rerun -----------------------------------------------------------------------------
+
+
+def _add_rerun(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "rerun",
+        help="the networks of an MLflow run, trained again",
+        description="Train the networks of one MLflow run again; compare the figures.",
+    )
+    parser.add_argument("run_id", metavar="RUN_ID", help="of one trial")
+    parser.add_argument("--tracking", metavar="ADDRESS", help="MLflow's address")
+    parser.set_defaults(run=_run_rerun)
+
+
+def _run_rerun(arguments: argparse.Namespace) -> int:
+    # By name: softnn knows nothing of the studies, which are installed beside it.
+    rerun = importlib.import_module("studies.rerun")
+    where = ["--tracking", arguments.tracking] if arguments.tracking else []
+    return int(rerun.main([arguments.run_id, *where]))
 
 
 # -- read ------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ measure interpolation. Folds by specimen and by rate hold out all of one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +50,39 @@ class Scores:
     @property
     def mean_r2(self) -> float:
         return float(np.mean(self.r2))
+
+
+@dataclass(frozen=True)
+class RecordingFolds:
+    """The same folds over whole recordings, as scikit-learn's `cv` takes them.
+
+    `split_by`: specimen, rate, recording or random; `number` folds at most. Raises
+    `InputError` where there is nothing to hold out.
+    """
+
+    split_by: str = "specimen"
+    number: int = 10
+    seed: int = 0
+
+    def split(
+        self, recordings: Sequence[Recording], y: object = None, groups: object = None
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Indices of the recordings to train on and to test on, fold by fold."""
+        for test in self._folds(recordings).test:
+            yield np.flatnonzero(~test), np.flatnonzero(test)
+
+    def get_n_splits(
+        self,
+        recordings: Sequence[Recording],
+        y: object = None,
+        groups: object = None,
+    ) -> int:
+        """Number of folds."""
+        return len(self._folds(recordings).names)
+
+    def _folds(self, recordings: Sequence[Recording]) -> Folds:
+        index = np.arange(len(recordings))
+        return make_folds(recordings, index, self.split_by, self.number, self.seed)
 
 
 def make_folds(

@@ -6,8 +6,13 @@ run is found by what it stands for and completed, never made twice.
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import json
 import logging
 import os
+import re
+import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
@@ -19,6 +24,7 @@ from typing import Any
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
+import numpy as np
 from mlflow.entities import (
     Dataset,
     DatasetInput,
@@ -47,6 +53,8 @@ SOURCE = {"mlflow.source.type": "LOCAL", "mlflow.source.name": "softnn"}
 # Without it the UI takes an experiment for one with language models.
 KIND = {"mlflow.experimentKind": "custom_model_development"}
 STUDY, IDENTITY, TRIAL = "softnn.study", "softnn.identity", "softnn.trial"
+AGAIN = "softnn.again"  # what `softnn rerun` needs, as JSON; set by studies.sweep
+DIGEST = "softnn.sha256"
 BATCH = 1000  # metrics that MLflow takes in one call
 LONGEST = 8000  # characters that MLflow keeps of a tag
 WHOLE = "note.md"  # where a note longer than that is kept
@@ -178,6 +186,40 @@ class Tracker:
         for name, text in (texts or {}).items():
             self._client.log_text(self.run_id, text, name)
 
+    def register(
+        self,
+        name: str,
+        aliases: Sequence[str],
+        network: Mapping[str, Any],
+        example: Mapping[str, Sequence[float]],
+        output: Sequence[float],
+    ) -> str:
+        """Keep a network with the run and in the registry; its version.
+
+        `network` is its JSON, `example` a table of inputs, `output` what it says to
+        them. A version that holds the same network is used again. A colon or slash in
+        a name becomes a dash, as MLflow allows neither.
+        """
+        name = re.sub(r"[:/]", "-", name)
+        text = json.dumps(network, sort_keys=True)
+        digest = hashlib.sha256(text.encode()).hexdigest()
+        with contextlib.suppress(MlflowException):  # there already
+            self._client.create_registered_model(name)
+        known = self._client.search_model_versions(f"name = '{_quoted(name)}'")
+        version = next((v for v in known if v.tags.get(DIGEST) == digest), None)
+        if version is None:
+            place = f"model-{digest[:12]}"
+            with tempfile.TemporaryDirectory() as folder:
+                _saved(Path(folder), text, example, output)
+                self._client.log_artifacts(self.run_id, f"{folder}/model", place)
+            source = f"{self._client.get_run(self.run_id).info.artifact_uri}/{place}"
+            version = self._client.create_model_version(
+                name, source, self.run_id, tags={DIGEST: digest}
+            )
+        for alias in aliases:
+            self._client.set_registered_model_alias(name, alias, version.version)
+        return str(version.version)
+
     def _log(
         self,
         run_id: str,
@@ -204,6 +246,92 @@ class Tracker:
                 [self.experiment_id], filter_string=condition, max_results=10_000
             )
         )
+
+
+def read_run(uri: str, run_id: str) -> tuple[dict[str, list[float]], str | None]:
+    """Metrics of a run, step by step, and how to do it again; raises `InputError`."""
+    client = _connected(_present(uri))
+    try:
+        run = client.get_run(run_id)
+    except MlflowException:
+        raise InputError(
+            f"no run {run_id!r} in {uri}; the MLflow UI shows ids"
+        ) from None
+    metrics = {
+        name: [
+            m.value for m in sorted(client.get_metric_history(run_id, name), key=_step)
+        ]
+        for name in run.data.metrics
+    }
+    return metrics, run.data.tags.get(AGAIN)
+
+
+def fetched(uri: str, tracking: str) -> Path:
+    """The file of a network by MLflow's address, `models:/NAME@ALIAS`.
+
+    `models:/NAME/VERSION` and `runs:/ID/PATH` do as well. Raises `InputError`.
+    """
+    from mlflow.artifacts import download_artifacts
+
+    client = _connected(_present(tracking))
+    kind, _, rest = uri.partition(":/")
+    try:
+        source: str | None = uri
+        if kind == "models" and "@" in rest:
+            source = client.get_model_version_by_alias(*rest.rsplit("@", 1)).source
+        elif kind == "models":
+            name, _, version = rest.rpartition("/")
+            source = client.get_model_version(name, version).source
+        folder = Path(download_artifacts(source, tracking_uri=tracking))
+        return next(folder.rglob("network.json"))
+    except StopIteration:
+        raise InputError(f"{uri!r} holds no network of softnn") from None
+    except (MlflowException, OSError) as error:
+        first = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{uri!r} cannot be loaded from {tracking}: {first}") from None
+
+
+def _present(uri: str) -> str:
+    file = sqlite_file(uri)
+    if file is not None and not file.is_file():
+        raise InputError(
+            f"no MLflow database {file}; start in the folder of the study, or give its "
+            "address, such as sqlite:///mlruns/mlflow.db"
+        )
+    return uri
+
+
+def _saved(
+    folder: Path,
+    text: str,
+    example: Mapping[str, Sequence[float]],
+    output: Sequence[float],
+) -> None:
+    """Write FOLDER/model as MLflow's pyfunc wants it: JSON and YAML, no pickle."""
+    import pandas as pd
+    from mlflow import pyfunc
+    from mlflow.models import infer_signature
+
+    table = pd.DataFrame(example)
+    (folder / "network.json").write_text(text, encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of MLflow's about itself
+        pyfunc.save_model(
+            folder / "model",
+            loader_module="softnn.neural.served",
+            data_path=folder / "network.json",
+            signature=infer_signature(table, np.asarray(output)),
+            input_example=table,
+            pip_requirements=["softnn"],
+        )
+
+
+def _quoted(text: str) -> str:
+    return text.replace("'", "''")
+
+
+def _step(metric: Metric) -> int:
+    return int(metric.step)
 
 
 def beginning(note: str) -> str:

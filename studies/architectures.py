@@ -176,6 +176,10 @@ def study(
             texts={"front.md": table(tried, beside)},
             tags={"best": sweep_name(best)},
         )
+        for use, one in best.items():
+            alias = "best-random" if use == "random" else "best-unseen-rate"
+            chosen = one.trial.result["configuration"]
+            sweep.register(trainer.whole(chosen), [alias])
         found = {
             "material": data.material,
             "label": data.label,

@@ -162,6 +162,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             },
             tags={"best": f"{best.parameters['neurons']} neurons"},
         )
+        sweep.register(sweep.trainer.whole(best.parameters), ["best-random"])
         stored, seconds = sum(t.stored for t in sweep.trials), sweep.seconds
     print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{note_on(data)}")
     for note in filter(None, [sweep.from_store(), *notes(judged, baselines)]):

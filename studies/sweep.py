@@ -7,6 +7,7 @@ storage and mirrors it in MLflow, so that a study can be stopped at any moment.
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 import time
@@ -21,10 +22,13 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from tqdm import tqdm
 
 import softnn
 from softnn.contracts import InputError
+from softnn.neural import StoredNetwork
+from softnn.neural.served import Served
 from softnn.search import Finished, Objective, Range, Result, Search, Value, When
 from studies.common import fingerprint
 from studies.material_data import Data
@@ -193,7 +197,11 @@ class Sweep:
             metrics,
             started=trial.started,
             ended=trial.ended,
-            tags={"folds": ", ".join(found["folds"])[:5000], "note": found["note"]},
+            tags={
+                "folds": ", ".join(found["folds"])[:5000],
+                "note": found["note"],
+                "softnn.again": json.dumps(self._again(trial)),
+            },
         )
         self.trials.append(trial)
         here = self.settings.split
@@ -206,6 +214,41 @@ class Sweep:
         )
         self._bar.update()
         return trial
+
+    def _again(self, trial: Finished) -> dict[str, Any]:
+        """What `studies.rerun` needs to do a trial again."""
+        parameters = trial.result.get("configuration", trial.parameters)
+        if "weight" in parameters:
+            how = f"l2={parameters['weight']!r}"
+            parameters = {**parameters, "regularisation": how}
+        parameters = {"neurons": self.settings.neurons[0], **parameters}
+        return {
+            "settings": asdict(self.settings),
+            "training": asdict(self.trainer.training),
+            "material": self.data.material,
+            "data": self.data.digest,
+            "parameters": {k: v for k, v in parameters.items() if k != "weight"},
+        }
+
+    def register(self, network: StoredNetwork, aliases: Sequence[str]) -> None:
+        """Put a network trained on everything into the registry, by material."""
+        first = self.data.tensile[0]
+        rows = slice(None, None, max(1, len(first) // 5))
+        example = {
+            "time_s": first.time_s[rows].tolist(),
+            "strain": first.strain[rows].tolist(),
+        }
+        if first.test == "tensile" and first.rate_per_s is not None:
+            example["rate_per_s"] = [first.rate_per_s] * len(example["strain"])
+        source = "" if self.data.is_virtual else f"{self.data.source}-"
+        said = Served(network).predict(pd.DataFrame(example))
+        self.tracker.register(
+            f"{source}{self.data.material}",
+            aliases,
+            network.source,
+            example,
+            said.tolist(),
+        )
 
     @property
     def ended(self) -> datetime:

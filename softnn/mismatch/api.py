@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -194,5 +195,14 @@ def _case(recordings: Sequence[Recording], name: str) -> Case:
 
 
 def load_model(path: str | Path) -> Stored | StoredNetwork:
-    """A model.json of a diagnosis, or the file of a trained network."""
+    """A model.json of a diagnosis, or the file of a trained network.
+
+    `models:/NAME@ALIAS` is one that a study has registered in MLflow: in
+    mlruns/mlflow.db below this folder, or where MLFLOW_TRACKING_URI says.
+    """
+    if isinstance(path, str) and path.startswith(("models:/", "runs:/")):
+        from softnn.tracking import fetched
+
+        tracking = os.environ.get("MLFLOW_TRACKING_URI", "sqlite:///mlruns/mlflow.db")
+        path = fetched(path, tracking)
     return read_model(path)

@@ -1,6 +1,9 @@
 """Neural networks of one layer: input architectures, training, prediction."""
 
+from __future__ import annotations
+
 import os
+from typing import TYPE_CHECKING, Any
 
 # Read when torch is loaded. Threads that wait by spinning, the default, make training
 # ten times slower as soon as anything else runs on the same cores.
@@ -20,6 +23,9 @@ from softnn.neural.network import Network, Scaling
 from softnn.neural.stored import StoredNetwork
 from softnn.neural.training import Regularisation, Trained, train
 
+if TYPE_CHECKING:
+    from softnn.neural.estimator import StressNetwork
+
 __all__ = [
     "ARCHITECTURES",
     "PUBLISHED",
@@ -31,6 +37,7 @@ __all__ = [
     "Seen",
     "Settings",
     "StoredNetwork",
+    "StressNetwork",
     "Trained",
     "counted",
     "fit_samples",
@@ -38,3 +45,11 @@ __all__ = [
     "samples",
     "train",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "StressNetwork":  # scikit-learn takes a second to load
+        from softnn.neural.estimator import StressNetwork
+
+        return StressNetwork
+    raise AttributeError(f"module 'softnn.neural' has no attribute {name!r}")

@@ -1,0 +1,144 @@
+"""The search over architectures: front, ties, early stop, resumption."""
+
+from concurrent.futures import Future
+from datetime import datetime
+
+import numpy as np
+import pytest
+
+from softnn.search import Finished, Range, Search
+from studies.architectures_report import choices, front, paired, words
+from studies.architectures_trials import beaten, conditions, configuration
+
+NOW = datetime(2026, 1, 1)
+
+
+def trial(number, random, unseen, neurons=5, stopped=None):
+    result = {
+        "nrmse": list(random),
+        "unseen": {"nrmse": list(unseen)},
+        "stopped_after": stopped,
+        "parameters": 4 * neurons + 1,
+        "configuration": {
+            "inputs": "FFRI2",
+            "neurons": neurons,
+            "regularisation": "l2=0.001",
+            "lag_s": None,
+        },
+    }
+    values = (float(np.mean(random)), float(np.mean(unseen)))
+    return Finished(
+        number, {"neurons": neurons}, values[0], result, NOW, NOW, False, values
+    )
+
+
+def test_front_holds_what_nothing_beats_in_both():
+    trials = [
+        trial(0, [0.1, 0.1], [0.9, 0.9]),
+        trial(1, [0.2, 0.2], [0.5, 0.5]),
+        trial(2, [0.3, 0.3], [0.6, 0.6]),  # beaten by 1 in both
+        trial(3, [0.05], [0.1], stopped=1),  # not judged whole
+        trial(4, [0.4, 0.4], [0.2, 0.2]),
+    ]
+    assert [t.number for t in front(trials)] == [0, 1, 4]
+
+
+def test_the_smallest_within_one_standard_error_is_chosen():
+    """Least mean .10, folds .09 and .11: standard error .01."""
+    trials = [
+        trial(0, [0.09, 0.11], [0.9, 0.9], neurons=9),
+        trial(1, [0.108, 0.108], [0.5, 0.7], neurons=4),
+        trial(2, [0.12, 0.12], [0.5, 0.5], neurons=2),
+    ]
+    found = choices(trials)
+    assert found["random"].best.number == 0
+    assert found["random"].trial.number == 1
+    assert (found["random"].ties, found["random"].fewest) == (2, 4)
+    assert found["unseen"].trial.number == 2
+    assert found["unseen"].ties == 1  # the standard error of its best is 0
+    assert words(trials[0]) == "FFRI2, 9 neurons, L2 1.0e-03, lag one sample"
+
+
+def test_paired_error_is_that_of_the_differences():
+    one = np.array([1.0, 5.0, 9.0])
+    assert paired(one + 0.5, one) == pytest.approx((0.5, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("errors", "unseen", "stops"),
+    [
+        ([2.0, 3.0, 4.0, 5.0], 0.6, True),  # worse in all four folds: p = 1 / 16
+        ([2.0, 3.0, 4.0, 5.0], 0.4, False),  # but better at unseen rates
+        ([2.0, 3.0, 4.0, 0.5], 0.6, False),  # one fold better: p = 1 / 8 or more
+        ([2.0, 3.0, 4.0], 0.6, False),  # three folds cannot say so
+        ([1.0, 1.0, 1.0, 1.0], 0.6, False),  # the same
+    ],
+)
+def test_folds_stop_when_the_front_is_better_in_both(errors, unseen, stops):
+    assert beaten(errors, unseen, [(0.5, [1.0] * 10)]) is stops
+    assert not beaten(errors, unseen, [])
+
+
+def test_parameters_go_with_their_architecture():
+    when = conditions(differenced=False)
+    row = {"inputs": "FFRD4", "regularisation": "bayesian"}
+    assert not when["lag"](row)  # a nominal rate knows no lag
+    assert conditions(differenced=True)["lag"](row)
+    assert when["lag_s"]({"inputs": "FFH4"})
+    assert not when["lag_s"]({"inputs": "FFRI3", "lag": "one sample"})
+    assert when["weight"]({"inputs": "RBF", "closed_form": "l2"})
+    assert not when["regularisation"]({"inputs": "RBF"})
+    given = {"inputs": "RBF", "neurons": 2, "closed_form": "l2", "weight": 1e-3}
+    assert configuration(given)["regularisation"] == "l2=0.001"
+
+
+# --- the search itself ----------------------------------------------------------------
+
+SPACE = {"kind": ["square", "line"], "x": Range(-2, 2), "k": [1, 2, 3]}
+
+
+def done(parameters):
+    """Two parabolas, with least values at 0 and 1: every x between is on the front."""
+    x = parameters.get("x", 0.1 * parameters.get("k", 0))
+    future: Future = Future()
+    future.set_result(((x**2, (x - 1) ** 2), {"x": x}))
+    return future
+
+
+WHEN = {"x": lambda c: c["kind"] == "square", "k": lambda c: c["kind"] == "line"}
+
+
+def explored(storage, trials, submit=done):
+    first = [{"kind": "square", "x": 1.5}]
+    with Search(storage, "s", SPACE, objectives=2) as search:
+        return list(search.explore(submit, trials, first=first, when=WHEN))
+
+
+def test_explore_draws_what_there_is_and_finds_the_front(tmp_path):
+    found = explored(f"sqlite:///{tmp_path / 'o.db'}", 60)
+    assert found[0].parameters == {"kind": "square", "x": 1.5}
+    assert all(("x" in t.parameters) == ("k" not in t.parameters) for t in found)
+    later = [t for t in found[30:] if -0.1 < t.result["x"] < 1.1]
+    assert len(later) > 15  # half by chance would be 30 x (.3 to .5)
+
+
+def test_explore_goes_on_where_it_was(tmp_path):
+    storage = f"sqlite:///{tmp_path / 'o.db'}"
+    calls = []
+
+    def stopping(parameters):
+        calls.append(parameters)
+        if len(calls) == 7:
+            raise KeyboardInterrupt
+        return done(parameters)
+
+    with pytest.raises(KeyboardInterrupt):
+        explored(storage, 12, stopping)
+    with Search(storage, "s", SPACE, objectives=2) as search:
+        kept = search.finished
+    assert len(kept) == 6
+    after = explored(storage, 12)
+    assert [t.parameters for t in after[:6]] == [t.parameters for t in kept]
+    assert [t.stored for t in after] == [True] * 6 + [False] * 6
+    straight = explored(f"sqlite:///{tmp_path / 'p.db'}", 12)
+    assert [t.parameters for t in after] == [t.parameters for t in straight]

@@ -1,0 +1,111 @@
+"""Networks in MLflow's registry: loaded by MLflow, by softnn, and by hand."""
+
+import json
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import softnn
+from softnn import InputError, Recording
+from softnn.cli import main
+from softnn.neural import StressNetwork
+from softnn.tracking import Tracker, fetched
+from studies.neurons import run
+from studies.settings import Places, Settings
+
+ABOUT = {
+    "study": "s",
+    "identity": "1",
+    "name": "n",
+    "parameters": {},
+    "data": ("d", "f" * 64),
+}
+TIME = np.linspace(0, 10, 60)
+PULL = Recording(
+    TIME, 0.1 * TIME, np.tanh(0.2 * TIME), test="tensile", rate_per_s=0.1, name="pull"
+)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """An address, and the model registered there under two aliases."""
+    folder = tmp_path_factory.mktemp("registry")
+    uri = f"sqlite:///{folder / 'mlflow.db'}"
+    model = StressNetwork(neurons=2).fit([PULL])
+    table = {"time_s": PULL.time_s, "strain": PULL.strain, "rate_per_s": 60 * [0.1]}
+    with Tracker(uri, "e", **ABOUT) as tracker:
+        for aliases in (["best-random"], ["best-unseen-rate"]):
+            version = tracker.register(
+                "a/b", aliases, model.stored_.source, table, model.predict(PULL)
+            )
+            assert version == "1"  # the same network is the same version
+    return uri, model, pd.DataFrame(table)
+
+
+def test_mlflow_loads_it_and_says_the_same(made, monkeypatch):
+    import mlflow
+
+    uri, model, table = made
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        loaded = mlflow.pyfunc.load_model("models:/a-b@best-random")
+        said = loaded.predict(table)
+    np.testing.assert_array_equal(said, model.predict(PULL))
+    assert loaded.metadata.signature.inputs.input_names() == list(table)
+    assert loaded.input_example is not None
+
+
+def test_softnn_loads_it(made, monkeypatch):
+    uri, model, _ = made
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    loaded = softnn.load_model("models:/a-b@best-unseen-rate")
+    assert loaded.source == model.stored_.source
+    with pytest.raises(InputError, match="cannot be loaded from"):
+        softnn.load_model("models:/nobody@best-random")
+
+
+def test_files_are_text(made):
+    for file in fetched("models:/a-b@best-random", made[0]).parents[1].rglob("*"):
+        if file.is_file():
+            file.read_text(encoding="utf-8")  # raises for what is not
+            assert file.suffix not in (".pkl", ".pickle")
+
+
+def test_no_store_is_one_line(tmp_path):
+    with pytest.raises(InputError, match="no MLflow database"):
+        fetched("models:/a@b", f"sqlite:///{tmp_path / 'none.db'}")
+
+
+@pytest.mark.slow
+def test_a_run_done_again_gives_its_figures(tmp_path, capsys):
+    places = Places(
+        f"sqlite:///{tmp_path / 'o.db'}",
+        f"sqlite:///{tmp_path / 'm.db'}",
+        tmp_path / "out",
+        False,
+    )
+    run(Settings(neurons=(2,), folds=3, samples=25), places)
+    from mlflow.tracking import MlflowClient
+
+    client = MlflowClient(places.tracking)
+    (experiment,) = client.search_experiments(filter_string="name = 'neurons'")
+    runs = client.search_runs([experiment.experiment_id])
+    trials = [r for r in runs if "softnn.again" in r.data.tags]
+    assert trials
+    for one in trials:
+        about = json.loads(one.data.tags["softnn.again"])
+        assert main(["rerun", one.info.run_id, "--tracking", places.tracking]) == 0
+        assert "the same" in capsys.readouterr().out
+        # With another seed the figures are others, and that is said.
+        about["settings"]["seed"] = 5
+        about["parameters"]["folds_seed"] = 6
+        client.set_tag(one.info.run_id, "softnn.again", json.dumps(about))
+        code = main(["rerun", one.info.run_id, "--tracking", places.tracking])
+        assert code in (1, 2)  # other figures, or recordings of another hash
+    (model,) = client.search_registered_models()
+    assert model.name == "NatPolR"
+    assert set(model.aliases) == {"best-random"}
+    assert main(["rerun", "nobody", "--tracking", places.tracking]) == 2
