@@ -91,16 +91,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         models, modulus = strip_models(known, options.seed)
         if options.model:
             models[Path(options.model).stem[:24]] = Compiled(read_model(options.model))
-        strain = np.arange(0, WORKING, 0.25 * STEP_S)
-        top = virtual.stress(
-            virtual.calibration(NAME), strain, STEP_S, virtual.Specimen()
-        )[-1]
-        bundle = Bundle().for_torque(TORQUE_Nm, float(top))
-        force_per_angle = bundle.strips * bundle.area_mm2 * modulus * bundle.radius_mm
-        stiff = 1e-3 * bundle.radius_mm * force_per_angle / bundle.length_mm
-        chain = Chain(
-            Motor.published(), bundle, Controller(stiffness_Nm_per_rad=stiff), STEP_S
-        )
+        top = top_stress()
+        chain = chain_of(modulus, top)
         goal, load = stride(seconds)
         rows, walks = [], {}
         for name, model in models.items():
@@ -111,12 +103,15 @@ def main(argv: Sequence[str] | None = None) -> int:
             rows.append({"model": name} | errors(found, goal) | {"seconds": taken})
         fast = timed(models["PL-Wiechert"], chain, seconds)
         steps = step_times(models["network, rate"], 10_000 if options.smoke else 10**6)
-        checks = published_checks(float(top))
+        checks = published_checks(top)
         body: Row = {"published": checks, "models": rows, "step_ns": steps}
-        body |= {"bundle": vars(bundle), "stress_at_0.5_MPa": float(top)}
+        body |= {"bundle": vars(chain.bundle), "stress_at_0.5_MPa": top}
         headline = {f"{r['model']}_rms_error": r["rms_error"] for r in rows}
         headline |= {f"{k}_mean_ns": v["mean"] for k, v in steps.items()}
-        headline |= {"times_real_time": fast, "radius_mm": bundle.radius_mm} | checks
+        headline |= {
+            "times_real_time": fast,
+            "radius_mm": chain.bundle.radius_mm,
+        } | checks
         print(report(rows, checks, steps, fast))
         place = common.results_folder(options.smoke)
         if options.model:
@@ -133,6 +128,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"\nresult: {path}")
 
     return common.guarded(work)
+
+
+def top_stress() -> float:
+    """Stress [MPa] of a virtual strip that is pulled to the working range."""
+    strain = np.arange(0, WORKING, 0.25 * STEP_S)
+    law = virtual.calibration(NAME)
+    return float(virtual.stress(law, strain, STEP_S, virtual.Specimen())[-1])
+
+
+def chain_of(modulus_MPa: float, top_MPa: float) -> Chain:
+    """The published chain whose strips of a modulus give 15 Nm at a top stress."""
+    bundle = Bundle().for_torque(TORQUE_Nm, top_MPa)
+    force_per_angle = bundle.strips * bundle.area_mm2 * modulus_MPa * bundle.radius_mm
+    stiff = 1e-3 * bundle.radius_mm * force_per_angle / bundle.length_mm
+    control = Controller(stiffness_Nm_per_rad=stiff)
+    return Chain(Motor.published(), bundle, control, STEP_S)
 
 
 def stride(seconds: float) -> tuple[Array, Array]:

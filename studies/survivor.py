@@ -1,0 +1,335 @@
+"""Which network survives strain that goes up and down, at a rate that changes?
+
+The network of section 7.3 fails on a sine. One with history inputs that need no
+differentiation (`FFH7`: strain, largest strain, the springs of five Maxwell branches),
+inputs held within the training and stress of one sign, trained on cyclic recordings and
+on histories that the corrected physical model simulates, is put beside what there is:
+on the sines of the thesis, on virtual recordings, on foam and VHB not learned from; in
+C, and in the closed loop of a walking actuator.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from softnn.actuator import walk
+from softnn.contracts import Array, Chunk, InputError
+from softnn.export.compiled import Compiled
+from softnn.metrics import nrmse
+from softnn.neural import PUBLISHED, Seen, StoredNetwork, fit_samples, run, samples
+from softnn.neural.inputs import columns
+from softnn.neural.radial import train_radial
+from softnn.neural.recurrent import train_recurrent
+from softnn.neural.training import BAYESIAN
+from softnn.recording import Recording, data_hash
+from studies import actuator, common
+from studies.material_data import prepared
+from studies.realtime import counted, networks
+from studies.realtime_inputs import SCENARIOS, STEP_S, law, offsets, sine
+from studies.settings import Settings
+from studies.survivor_data import (
+    VIRTUAL,
+    Problem,
+    histories,
+    physics,
+    real_problems,
+    simulated_by,
+    virtual_problem,
+)
+from studies.survivor_report import draw, report, write_page
+
+INPUTS = "FFH7"
+PUBLISHED_NETWORK = "FFRD4 as published"
+LENGTH_mm = 33.0  # of the strips of Table 7.3
+Row = dict[str, Any]
+Predict = Callable[[Sequence[Recording]], list[Array]]
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is spent on each network."""
+
+    neurons: int = 12
+    starts: int = 3
+    simulated: int = 60
+    units: int = 8  # of the recurrent network
+    gaussians: int = 40
+    epochs: int = 150
+    even: int = 250  # steps of the longest history, of the recurrent network
+    samples: int = 400  # of a recording
+    specimens: int = 8  # virtual ones, learned from
+    steps: int = 10**6  # of C
+
+
+SMALL = Size(4, 1, 6, 2, 6, 3, 40, 60, 2, 10_000)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.survivor`; returns the exit code."""
+    parser = common.parser("survivor", __doc__)
+    parser.add_argument("--only", default="", help="problems with this in their name")
+    parser.add_argument("--page", action="store_true", help="the page alone, from JSON")
+    options = parser.parse_args(argv)
+
+    def work() -> None:
+        place = common.results_folder(options.smoke)
+        if options.page:
+            print(write_page(place))
+            return
+        size = SMALL if options.smoke else Size()
+        problems = [virtual_problem(options.seed, size.specimens, size.samples)]
+        problems += [] if options.smoke else real_problems(size.samples)
+        problems = [p for p in problems if options.only in p.name]
+        if not problems:
+            raise InputError(f"--only {options.only!r} is in the name of no problem")
+        rows: list[Row] = []
+        body: Row = {"problems": rows, "size": vars(size)}
+        for problem in problems:
+            row, found = judged(problem, size, options.seed, options.smoke)
+            rows.append(row)
+            body |= found
+            # After each, so that what is finished is kept.
+            path = common.write_result(
+                "survivor",
+                headline_of(body),
+                body,
+                seed=options.seed,
+                data={p.name: data_hash([*p.known, *p.unseen]) for p in problems},
+                folder=place,
+            )
+            print(f"{problem.name}: {row['seconds']:.0f} s", flush=True)
+        print(report(body))
+        if "sines" in body:
+            common.save_figure(draw(body), "survivor", place)
+        if not options.smoke:
+            write_page(place)
+        print(f"\nresult: {path}")
+
+    return common.guarded(work)
+
+
+def judged(problem: Problem, size: Size, seed: int, smoke: bool) -> tuple[Row, Row]:
+    """All models on one problem; and what only the virtual one is asked."""
+    began = time.thread_time()
+    models = physics(problem, common.RUNS / "survivor", "sls" if smoke else None)
+    made = histories(problem, models["corrected"], size.simulated, seed)
+    stored, about = survivor(problem, made, size, seed)
+    predict: dict[str, Predict] = {
+        "corrected model": partial(simulated_by, models["corrected"]),
+        "PL-Wiechert": partial(simulated_by, models["base"]),
+        INPUTS: partial(stress_of, stored),
+        **others(problem, made, size, seed),
+    }
+    found: Row = {}
+    if problem.name.startswith("virtual"):
+        published = as_published(seed, size)
+        predict[PUBLISHED_NETWORK] = partial(stress_of, published)
+        found = {
+            "sines": sines({PUBLISHED_NETWORK: published, INPUTS: stored}),
+            "real_time": real_time(stored, problem, size),
+        }
+    row = {
+        "name": problem.name,
+        "specimens": len(problem.known),
+        "unseen": len(problem.unseen),
+        "selected": models["selected"],
+        "lag_s": problem.lag_s,
+        "network": about,
+    }
+    for name, one in predict.items():
+        for key, value in scores(one(problem.unseen), problem).items():
+            row.setdefault(key, {})[name] = value
+    row["seconds"] = time.thread_time() - began
+    return row, found
+
+
+def survivor(
+    problem: Problem, made: Sequence[Recording], size: Size, seed: int
+) -> tuple[StoredNetwork, Row]:
+    """The network on recordings and simulated histories, and how its training went."""
+    every = [*problem.known, *made]
+    known = samples(every, INPUTS, problem.lag_s)
+    (one,) = fit_samples(
+        known,
+        INPUTS,
+        neurons=[size.neurons],
+        train_mask=np.ones((1, len(known.target)), bool),
+        seeds=[seed],
+        starts=size.starts,
+        threads=1,
+    )
+    about = {k: getattr(one, k) for k in ("parameters", "gamma", "iterations")}
+    seen = Seen.of(every, problem.lag_s)
+    return StoredNetwork(one.network, INPUTS, problem.lag_s, seen), about
+
+
+def others(
+    problem: Problem, made: Sequence[Recording], size: Size, seed: int
+) -> dict[str, Predict]:
+    """The same data on other networks; those of Table 6.3 have the recordings alone."""
+    every = [*problem.known, *made]
+    known = samples(every, INPUTS, problem.lag_s)
+    mask = np.ones((1, len(known.target)), bool)
+    (radial,) = train_radial(
+        known.inputs,
+        known.target,
+        neurons=[size.gaussians],
+        train_mask=mask,
+        seeds=[seed],
+        regularisation=BAYESIAN,
+    )
+    longest = max(float(np.ptp(r.time_s)) for r in problem.known)
+    recurrent = train_recurrent(
+        shorter(every, longest),
+        units=size.units,
+        step_s=longest / size.even,
+        epochs=size.epochs,
+        seed=seed,
+    )
+
+    def by_radial(recordings: Sequence[Recording]) -> list[Array]:
+        rows = [columns(r, INPUTS, problem.lag_s) for r in recordings]
+        return [radial.network.predict(x) for x in rows]
+
+    out: dict[str, Predict] = {
+        "recurrent": lambda recordings: [recurrent.predict(r) for r in recordings],
+        "Gaussian units": by_radial,
+    }
+    for name in PUBLISHED:
+        rows = samples(problem.known, name)
+        (one,) = fit_samples(
+            rows,
+            name,
+            neurons=[size.neurons],
+            train_mask=np.ones((1, len(rows.target)), bool),
+            seeds=[seed],
+            threads=1,
+        )
+        out[name] = partial(run, one.network, name)
+    return out
+
+
+def shorter(recordings: Sequence[Recording], most_s: float) -> list[Recording]:
+    """No longer than `most_s`: slow simulated histories would be most of a batch."""
+    return [
+        r.take(np.flatnonzero(r.time_s <= r.time_s[0] + most_s)) for r in recordings
+    ]
+
+
+def stress_of(stored: StoredNetwork, recordings: Sequence[Recording]) -> list[Array]:
+    chunks = [Chunk(r.time_s, r.strain) for r in recordings]
+    names = [r.name for r in recordings]
+    return stored.stress(names, chunks, [None] * len(names))
+
+
+def as_published(seed: int, size: Size) -> StoredNetwork:
+    """FFRD4 on tensile tests, as section 7.3 has it."""
+    (data,) = prepared(Settings(material=VIRTUAL, seed=seed))
+    (network,) = networks(data, "FFRD4", 1, size.neurons, seed)
+    return StoredNetwork(network, "FFRD4", None, Seen.of(data.tensile))
+
+
+def scores(out: Sequence[Array], problem: Problem) -> Row:
+    """Error on what was not learned from, MPa over MPa, and stress of the wrong sign.
+
+    `scaled`: with a factor on the stress of each recording, which is a specimen of its
+    own; `wrong_sign` is the share of samples beyond 1 % of the largest stress.
+    """
+    measured = [r.stress_MPa for r in problem.unseen]
+    good = [np.isfinite(m) for m in measured]
+    y = [m[g] for m, g in zip(measured, good, strict=True)]
+    p = [o[g] for o, g in zip(out, good, strict=True)]
+    own = [
+        a * float(a @ b) / max(float(a @ a), 1e-300) for a, b in zip(p, y, strict=True)
+    ]
+    every, stress = np.concatenate(p), np.concatenate(y)
+    sign = 1 if problem.pulls else -1
+    return {
+        "nrmse": nrmse(every, stress),
+        "scaled": nrmse(np.concatenate(own), stress),
+        "wrong_sign": float(np.mean(sign * every < -0.01 * np.abs(stress).max())),
+    }
+
+
+def sines(models: Mapping[str, StoredNetwork]) -> list[Row]:
+    """The inputs of Figs 7.2 and 7.3; time, law and stress, thinned, for the figure."""
+    rows = []
+    for scenario, speed in SCENARIOS.items():
+        for where, offset in offsets(scenario, speed, LENGTH_mm).items():
+            strain, _ = sine(speed, LENGTH_mm, offset)
+            time_s, true = STEP_S * np.arange(len(strain)), law(strain)
+            chunk = Chunk(time_s, strain)
+            row: Row = {"scenario": scenario, "place": where, "mm_per_min": speed}
+            row |= {"time_s": time_s[::20], "law_MPa": true[::20], "models": {}}
+            for name, model in models.items():
+                (out,) = model.stress([name], [chunk], [None])
+                found = counted(out[None], true, model.outside(chunk))
+                row["models"][name] = found | {"stress_MPa": out[::20]}
+            rows.append(row)
+    return rows
+
+
+def real_time(stored: StoredNetwork, problem: Problem, size: Size) -> Row:
+    """The network as C: agreement, time of a step, and the loop of an actuator."""
+    compiled = Compiled(stored)
+    n = min(10**5, size.steps)
+    at = np.arange(n) * 1e-3
+    strain = 0.22 + 0.22 * np.sin(5 * at) * np.cos(0.13 * at)
+    got = compiled.run(at, strain)
+    (want,) = stored.stress([""], [Chunk(at, strain)], [None])
+    off = np.abs(got - want) / np.maximum(np.abs(want), 1e-3 * np.abs(want).max())
+    compiled.reset()
+    began = time.thread_time()
+    for e in strain.tolist():
+        compiled.step(1e-3, e)
+    step = (time.thread_time() - began) / n
+    e = np.concatenate([r.strain for r in problem.known])
+    s = np.concatenate([r.stress_MPa for r in problem.known])
+    chain = actuator.chain_of(float(e @ s / (e @ e)), actuator.top_stress())
+    seconds = 10.0 if size.steps == Size().steps else 0.3
+    goal, load = actuator.stride(seconds)
+    walked = walk(chain, goal, load, actuator.VirtualStrip(), compiled)
+    return {
+        "largest_difference": float(off.max()),
+        "compared_steps": n,
+        "step_from_python_s": step,
+        "step_ns": actuator.step_times(compiled, size.steps),
+        "steps": size.steps,
+        "times_real_time": actuator.timed(compiled, chain, seconds),
+        "walking": actuator.errors(walked, goal),
+    }
+
+
+def headline_of(body: Row) -> Row:
+    """What issues and texts quote, flat."""
+    out: Row = {}
+    for row in body["problems"]:
+        short = row["name"].replace(", ", " ").replace(" ", "_")
+        for key in (INPUTS, "corrected model", "FFRD4"):
+            out[f"{short}_{key.replace(' ', '_')}_nrmse"] = row["nrmse"][key]
+        out[f"{short}_over_corrected"] = (
+            row["nrmse"][INPUTS] / row["nrmse"]["corrected model"]
+        )
+        out[f"{short}_wrong_sign"] = row["wrong_sign"][INPUTS]
+    if "sines" not in body:
+        return out
+    mine = [row["models"][INPUTS] for row in body["sines"]]
+    out["sines_negative"] = sum(m["networks_negative"] for m in mine)
+    errors = [m["nrmse"] for m in mine if m["nrmse"] is not None]
+    out["sines_largest_nrmse"] = max(errors)
+    fast = body["real_time"]
+    out |= {k: v for k, v in fast.items() if not isinstance(v, Mapping)}
+    for name, taken in fast["step_ns"].items():
+        out |= {f"{name}_step_{k}_ns": v for k, v in taken.items()}
+    return out | {"walking_rms_error": fast["walking"]["rms_error"]}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,276 @@
+"""What networks of histories learn from and are judged on, and the physics beside."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softnn import virtual
+from softnn.contracts import Array, Chunk
+from softnn.materials import material
+from softnn.mismatch import Case, diagnose
+from softnn.mismatch.case import to_data
+from softnn.mismatch.model_file import Stored, from_dict
+from softnn.readers.tidy import data_folder
+from softnn.recording import Geometry, Recording
+from studies import common
+from studies.recordings.groups import discover
+from studies.recordings.predict import usable
+
+VIRTUAL = "NatPolR"  # the material of Figs 7.2 and 7.3
+LARGEST = 0.5  # strain of the virtual recordings: the working range of Table 7.3
+RATES = (0.01, 2.0)  # 1/s, of a ramp: from the slowest test to the fastest walking
+STEP_S = 0.02
+SETS = (
+    "foam-tpe-tension-cyclic",
+    "foam-tpe-compression-cyclic",
+    "vhb4910-zhao",
+    "vhb4910-hossain2012-digitised",
+)
+WIDER = 3.0  # times faster, and slower, than recorded: histories that are simulated
+RAMPS, RAMP = 12, 8  # of a simulated history, and samples of a ramp
+PHYSICS = {"mismatch", "effects", "models", "fit.py", "simulate.py", "noise.py"}
+SHARE = 0.6  # of the specimens are learned from
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Recordings to learn from, and recordings of specimens not learned from."""
+
+    name: str
+    known: tuple[Recording, ...]
+    unseen: tuple[Recording, ...]
+    rates: tuple[float, float]  # 1/s, of the histories that are simulated
+    scatter: bool = True  # each recording is of a specimen of its own
+
+    @cached_property
+    def strains(self) -> tuple[float, float]:
+        """The least and the largest strain that are learned from."""
+        every = np.concatenate([r.strain for r in self.known])
+        return float(np.nanmin(every)), float(np.nanmax(every))
+
+    @property
+    def lag_s(self) -> float:
+        """The shortest branch of a network: the longest outlasts the recordings."""
+        longest = max(float(np.ptp(r.time_s)) for r in self.known)
+        return float(f"{longest / 1000:.1g}")
+
+    @property
+    def pulls(self) -> bool:
+        """Whether it is pulled; else it is pushed."""
+        return sum(self.strains) > 0
+
+    def case(self) -> Case:
+        """What is known, as a diagnosis has it."""
+        named = {r.name: r.name for r in self.known if self.scatter}
+        return Case(self.name, self.known, specimen=named)
+
+
+# --- virtual specimens ----------------------------------------------------------------
+
+
+def virtual_problem(seed: int, specimens: int, samples: int) -> Problem:
+    """Cyclic recordings with a rate that changes; unseen are the mean specimen's."""
+    rng = np.random.default_rng([seed, 27])
+    law = virtual.calibration(VIRTUAL)
+    known = [
+        cyclic(rng, f"cyclic-{i + 1:02d}", specimen(law, rng)) for i in range(specimens)
+    ]
+    unseen = [cyclic(rng, f"mean-{i + 1}", virtual.Specimen()) for i in range(5)]
+    kept = whole(usable(Case("", tuple(known)), samples))
+    return Problem(f"virtual {VIRTUAL}", kept, tuple(unseen), RATES)
+
+
+def specimen(law: virtual.Calibration, rng: np.random.Generator) -> virtual.Specimen:
+    """One of the scatter that the published tables allow."""
+    whole, plateau = np.exp(law.scatter * rng.standard_normal(2) * (1.0, 0.5))
+    return virtual.Specimen(stiffness=float(whole), plateau=float(plateau))
+
+
+def cyclic(
+    rng: np.random.Generator, name: str, one: virtual.Specimen, seconds: float = 40.0
+) -> Recording:
+    """Ramps and holds between strains drawn at random, at rates drawn at random.
+
+    A machine that pulls a strip: slack, it bears nothing. Noise and resolution are
+    those of `softnn.virtual`, the zero is balanced.
+    """
+    corners, strains = turns(rng, (-0.02, LARGEST), RATES, 200)
+    time = np.arange(0, min(seconds, corners[-1]), STEP_S)
+    strain = np.interp(time, corners, strains)
+    m, law = material(VIRTUAL), virtual.calibration(VIRTUAL)
+    stress = virtual.stress(law, np.maximum(strain, 0), STEP_S, one)
+    area = m.width_mm * one.thickness_mm
+    force = np.maximum(stress, 0) * area + rng.normal(0, virtual.NOISE_N, len(time))
+    force = virtual.RESOLUTION_N * np.round(force / virtual.RESOLUTION_N)
+    return Recording(
+        time,
+        strain,
+        force / area,
+        name=name,
+        specimen=name,
+        material=VIRTUAL,
+        test="cyclic",
+        geometry=Geometry(
+            length_mm=m.length_mm, width_mm=m.width_mm, thickness_mm=one.thickness_mm
+        ),
+        source=f"virtual specimen, generator {virtual.VERSION}: not a measurement",
+    )
+
+
+def turns(
+    rng: np.random.Generator,
+    strains: tuple[float, float],
+    rates: tuple[float, float],
+    count: int,
+) -> tuple[Array, Array]:
+    """Times and strains (n,) of corners: ramps, one in ten a hold, from rest at zero.
+
+    One in three leads back to zero; rates are drawn evenly in their logarithm.
+    """
+    time, strain = [0.0], [0.0]
+    for _ in range(count):
+        kind, level = rng.random(), float(rng.uniform(*strains))
+        rate = float(np.exp(rng.uniform(*np.log(rates))))
+        if kind < 0.1:
+            level, lasts = strain[-1], 0.2 * (strains[1] - strains[0]) / rate
+        else:
+            level = 0.0 if kind < 0.4 else level
+            lasts = abs(level - strain[-1]) / rate
+        if lasts > 0:
+            time.append(time[-1] + lasts)
+            strain.append(level)
+    return np.array(time), np.array(strain)
+
+
+# --- real recordings ------------------------------------------------------------------
+
+
+def real_problems(samples: int, wanted: Sequence[str] = SETS) -> list[Problem]:
+    """Cyclic recordings of foam and VHB, a problem a material; no set, no problem."""
+    have = {p.parent.name for p in data_folder().glob("*/index.csv")}
+    groups, _ = discover(data_folder(), [s for s in wanted if s in have])
+    out = []
+    for group in groups:
+        members = [r for r in group.recordings if r.test == "cyclic"]
+        if len(members) < 3:
+            continue
+        kept = whole(usable(Case(group.label, tuple(members)), samples))
+        first = round(SHARE * len(members))
+        # Recordings of a set lie in the order of rate or amplitude where it has any.
+        order = np.random.default_rng(27).permutation(len(members))
+        known = tuple(kept[i] for i in sorted(order[:first]))
+        unseen = tuple(kept[i] for i in sorted(order[first:]))
+        speed = np.concatenate([moving(r) for r in known])
+        low, high = np.quantile(speed, [0.1, 0.9])
+        name = group.label.replace(": ", ", ")
+        out.append(
+            Problem(
+                name,
+                known,
+                unseen,
+                (float(low) / WIDER, float(high) * WIDER),
+                group.specimens,
+            )
+        )
+    return out
+
+
+def whole(case: Case) -> tuple[Recording, ...]:
+    """Recordings with strain at every sample, bridged straight where it is missing."""
+    chunks = to_data(case).chunks
+    return tuple(
+        replace(r, strain=c.strain)
+        for r, c in zip(case.recordings, chunks, strict=True)
+    )
+
+
+def moving(recording: Recording) -> Array:
+    """Sizes of the strain rate [1/s] where the strain moves."""
+    good = np.isfinite(recording.strain)
+    step = np.diff(recording.time_s[good])
+    rate = np.abs(np.diff(recording.strain[good])[step > 0] / step[step > 0])
+    return rate[rate > 0.2 * np.quantile(rate, 0.9)]
+
+
+# --- physics, and what it simulates ---------------------------------------------------
+
+
+def physics(problem: Problem, place: Path, base: str | None = None) -> dict[str, Any]:
+    """`base` and `corrected` model of a diagnosis of what is known, and its names.
+
+    Kept below `place`, by what it depends on.
+    """
+    content = [
+        problem.name,
+        base,
+        [[r.time_s, r.strain, r.stress_MPa] for r in problem.known],
+    ]
+    files = [f for f in common.package_files() if set(f.parts) & PHYSICS]
+    key = common.fingerprint(content, files=files)
+    file = place / f"{key}.json"
+    if file.exists():
+        return dict(json.loads(file.read_text(encoding="utf-8")))
+    found = diagnose(problem.case(), base)
+    out = {
+        "base": found.base_json,
+        "corrected": found.model_json,
+        "selected": found.selected,
+        "verdict": found.verdict,
+    }
+    place.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(common.plain(out)), encoding="utf-8")
+    return out
+
+
+def simulated_by(model: dict[str, Any], recordings: Sequence[Recording]) -> list[Array]:
+    """Stress (n,) of each recording by a stored model, of a specimen unknown to it."""
+    stored = from_dict(model)
+    data = to_data(Case("", tuple(recordings)))
+    return stored.stress(
+        [f"new {i}" for i in range(len(recordings))],
+        data.chunks,
+        [None] * len(recordings),
+    )
+
+
+def histories(
+    problem: Problem, model: dict[str, Any], count: int, seed: int
+) -> list[Recording]:
+    """Recordings of a model along strain histories drawn at random.
+
+    Some of the way they go beyond rest to the slack side, where a strip bears nothing.
+    """
+    stored = from_dict(model)
+    assert isinstance(stored, Stored)
+    rng = np.random.default_rng([seed, 28])
+    low, high = problem.strains
+    beyond = 0.05 * (high - low)
+    ends = (min(low, -beyond), high) if problem.pulls else (low, max(high, beyond))
+    out = []
+    for i in range(count):
+        shrink = rng.uniform(0.2, 1.0)
+        corners, strains = turns(
+            rng, (ends[0] * shrink, ends[1] * shrink), problem.rates, RAMPS
+        )
+        time = np.concatenate(
+            [np.linspace(a, b, RAMP, endpoint=False) for a, b in pairwise(corners)]
+            + [corners[-1:]]
+        )
+        strain = np.interp(time, corners, strains)
+        (stress,) = stored.stress([f"new {i}"], [Chunk(time, strain)], [None])
+        if problem.pulls:
+            stress = np.where(strain < 0, 0.0, np.maximum(stress, 0.0))
+        else:
+            stress = np.where(strain > 0, 0.0, np.minimum(stress, 0.0))
+        out.append(
+            Recording(time, strain, stress, name=f"simulated {i}", test="cyclic")
+        )
+    return out
