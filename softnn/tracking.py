@@ -53,7 +53,7 @@ SOURCE = {"mlflow.source.type": "LOCAL", "mlflow.source.name": "softnn"}
 # Without it the UI takes an experiment for one with language models.
 KIND = {"mlflow.experimentKind": "custom_model_development"}
 STUDY, IDENTITY, TRIAL = "softnn.study", "softnn.identity", "softnn.trial"
-AGAIN = "softnn.again"  # what `softnn rerun` needs, as JSON; set by studies.sweep
+AGAIN = "softnn.again"  # what `softnn rerun` needs, as JSON; set by softnn.study.sweep
 DIGEST = "softnn.sha256"
 BATCH = 1000  # metrics that MLflow takes in one call
 LONGEST = 8000  # characters that MLflow keeps of a tag

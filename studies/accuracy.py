@@ -24,8 +24,8 @@ from softnn.models.fit_piecewise import (
     sweep,
 )
 from softnn.models.segments import Equal, Optimal, Tolerance
-from studies.baselines import MODELS, TOLERANCES
-from studies.common import COLOURS, FAINT, INK, markdown, percent
+from softnn.study.baselines import MODELS, TOLERANCES
+from softnn.study.common import COLOURS, FAINT, INK, markdown, percent
 from studies.piecewise import Case, Work, carry_out, legend_below, panels
 
 if TYPE_CHECKING:

@@ -35,9 +35,9 @@ from softnn.models.units import Units
 from softnn.motor import Bundle, Motor, Strip, published_checks
 from softnn.neural import Seen, StoredNetwork, samples, train
 from softnn.recording import Recording, data_hash
-from studies import common
-from studies.material_data import prepared
-from studies.settings import Settings
+from softnn.study import common
+from softnn.study.material_data import prepared
+from softnn.study.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

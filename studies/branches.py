@@ -24,8 +24,8 @@ from softnn.models.relaxation import (
     non_negative,
     three_points,
 )
-from studies.baselines import RelaxationTest, late_tau
-from studies.common import COLOURS, FAINT, INK, markdown, percent
+from softnn.study.baselines import RelaxationTest, late_tau
+from softnn.study.common import COLOURS, FAINT, INK, markdown, percent
 from studies.piecewise import Case, Work, carry_out, legend_below, panels
 
 if TYPE_CHECKING:

@@ -22,14 +22,14 @@ from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from bench.hands.forging import forge
 from softnn.contracts import InputError
 from softnn.mismatch import read_case
 from softnn.mismatch.accounts import search
 from softnn.mismatch.diagnosis import start
 from softnn.mismatch.posterior import CONSTANTS, Constants, probabilities, table
+from softnn.study.common import RUNS, guarded, parser, results_folder, write_result
 from softnn.workers import workers
-from studies.common import RUNS, guarded, parser, results_folder, write_result
-from studies.concealed.hands.forging import forge
 
 LEAST = -10.0  # log probability: a truth less likely than this is no lesson
 PULL = 0.01  # towards the constants before, in logarithms

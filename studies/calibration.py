@@ -22,7 +22,7 @@ from softnn import prepare, properties, virtual
 from softnn.contracts import Array
 from softnn.materials import MATERIALS, Material, data_path, material, table
 from softnn.recording import Recording
-from studies import common
+from softnn.study import common
 
 # Relaxation times, s: half a decade apart, from what the ramp of a relaxation test
 # still shows to what is over within a quarter of an hour; Table 4.4 has no more

@@ -28,9 +28,13 @@ from unittest import mock
 import numpy as np
 import pandas as pd
 
+from bench.concealed import forge, orders
+from bench.concealed.planting import Planted
+from bench.concealed.settings import Setting
+from bench.concealed.trial import check_names
 from softnn.contracts import InputError
 from softnn.mismatch import accounts, diagnose, diagnosis, read_case
-from studies.common import (
+from softnn.study.common import (
     COLOURS,
     guarded,
     markdown,
@@ -40,10 +44,6 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.concealed import forge, orders
-from studies.concealed.planting import Planted
-from studies.concealed.settings import Setting
-from studies.concealed.trial import check_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -25,7 +25,7 @@ import numpy as np
 from softnn.contracts import InputError
 from softnn.materials import material, table
 from softnn.readers.tidy import read_text
-from studies import common
+from softnn.study import common
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

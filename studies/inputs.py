@@ -16,7 +16,7 @@ import numpy as np
 from softnn.contracts import InputError
 from softnn.neural import PUBLISHED
 from softnn.search import Finished, Range, Value
-from studies.common import (
+from softnn.study.common import (
     COLOURS,
     FAINT,
     guarded,
@@ -26,8 +26,8 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.material_data import Data, prepared
-from studies.settings import (
+from softnn.study.material_data import Data, prepared
+from softnn.study.settings import (
     SPLITS,
     Places,
     Settings,
@@ -36,7 +36,7 @@ from studies.settings import (
     smoked,
     study_parser,
 )
-from studies.sweep import WHAT, Sweep, headline_of_all, trial_entry
+from softnn.study.sweep import WHAT, Sweep, headline_of_all, trial_entry
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

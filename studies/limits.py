@@ -1,6 +1,6 @@
 r"""How small may an effect be and still be named? Its strength swept, beside an oracle.
 
-Each of the nineteen effects is planted in concealed cases (`studies.concealed`) over a
+Each of the nineteen effects is planted in concealed cases (`bench.concealed`) over a
 grid of strengths, noise levels and noise colours, and diagnosed; nulls of every colour
 give the false alarms. Beside each share of cases named stands the power of the oracle:
 the likelihood-ratio test that is told the true form, the programme and the noise.
@@ -29,19 +29,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from bench import scoring
+from bench.concealed import details, orders, sealing
+from bench.concealed.noises import LEVELS
+from bench.concealed.trial import check_names
+from bench.limits_report import CORRELATION_S, report
 from softnn.contracts import InputError
+from softnn.study.common import RUNS, code_of, guarded, package_files, parser
 from softnn.workers import workers
-from studies import scoring
-from studies.common import RUNS, code_of, guarded, package_files, parser
-from studies.concealed import details, orders, sealing
-from studies.concealed.noises import LEVELS
-from studies.concealed.trial import check_names
-from studies.limits_report import CORRELATION_S, report
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
 COLOURS = CORRELATION_S  # [s], by name
 NULL = "null"
-HERE = Path(__file__).parent
 
 
 @dataclass(frozen=True)
@@ -201,7 +200,7 @@ class Store:
 
 def code() -> str:
     """A hash of what makes and diagnoses a case."""
-    forge = (HERE / "concealed").glob("*.py")
+    forge = Path(sealing.__file__).parent.glob("*.py")
     aside = ("noise_check.py", "reporting.py", "trial.py")
     used = [Path(scoring.__file__), *(f for f in forge if f.name not in aside)]
     return code_of([*package_files(), *used])

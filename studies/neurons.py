@@ -21,8 +21,8 @@ import numpy as np
 
 from softnn.contracts import InputError
 from softnn.search import Finished, Value
-from studies.baselines import piecewise_baselines
-from studies.common import (
+from softnn.study.baselines import piecewise_baselines
+from softnn.study.common import (
     guarded,
     markdown,
     percent,
@@ -30,7 +30,17 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.material_data import Data, prepared
+from softnn.study.material_data import Data, prepared
+from softnn.study.settings import (
+    SPLITS,
+    Places,
+    Settings,
+    places_of,
+    settings_of,
+    smoked,
+    study_parser,
+)
+from softnn.study.sweep import Sweep, headline_of_all, trial_entry
 from studies.neurons_report import (
     CHOSEN,
     FEW,
@@ -44,16 +54,6 @@ from studies.neurons_report import (
     notes,
     printed,
 )
-from studies.settings import (
-    SPLITS,
-    Places,
-    Settings,
-    places_of,
-    settings_of,
-    smoked,
-    study_parser,
-)
-from studies.sweep import Sweep, headline_of_all, trial_entry
 
 ENOUGH = 0.999  # R2 above which the thesis takes the fewest neurons
 BEST = Path(__file__).parent / "best"

@@ -11,10 +11,10 @@ import numpy as np
 
 from softnn.materials import MATERIALS, table
 from softnn.search import Finished
-from studies.common import COLOURS, FAINT, new_figure, percent
-from studies.material_data import Data
-from studies.settings import Settings
-from studies.sweep import WHAT
+from softnn.study.common import COLOURS, FAINT, new_figure, percent
+from softnn.study.material_data import Data
+from softnn.study.settings import Settings
+from softnn.study.sweep import WHAT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

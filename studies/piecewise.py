@@ -17,7 +17,7 @@ from softnn.contracts import InputError
 from softnn.materials import MATERIALS, table
 from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
-from studies.baselines import (
+from softnn.study.baselines import (
     TOLERANCES,
     RelaxationTest,
     Variant,
@@ -25,7 +25,7 @@ from studies.baselines import (
     relaxation_tests,
     variants,
 )
-from studies.common import (
+from softnn.study.common import (
     RUNS,
     Parser,
     fingerprint,
@@ -36,8 +36,8 @@ from studies.common import (
     save_figure,
     write_result,
 )
-from studies.material_data import prepared
-from studies.settings import Settings
+from softnn.study.material_data import prepared
+from softnn.study.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

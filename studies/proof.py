@@ -14,9 +14,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bench import proof_hands
+from bench.concealed import reporting
+from bench.concealed.orders import NAMES
+from bench.limits_report import curve, noise_table
+from bench.rivals import table
+from bench.scoring import Rate
 from softnn.models.units import BASES
-from studies import proof_hands
-from studies.common import (
+from softnn.study.common import (
     COLOURS,
     FAINT,
     RESULTS,
@@ -27,12 +32,7 @@ from studies.common import (
     parser,
     percent,
 )
-from studies.concealed import reporting
-from studies.concealed.orders import NAMES
 from studies.cost import cost_figure
-from studies.limits_report import curve, noise_table
-from studies.rivals import table
-from studies.scoring import Rate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -23,8 +23,9 @@ from softnn import prepare, properties, virtual
 from softnn.materials import MATERIALS, Material, material
 from softnn.properties import BEND, Properties
 from softnn.recording import Recording, data_hash
+from softnn.study import common
 from softnn.tracking import Tracker
-from studies import common, property_figures, property_sets
+from studies import property_figures, property_sets
 
 LISTED = 0.25  # a deviation above this is listed with its reason
 BENDS = (0.02, 0.025, BEND, 0.035, 0.04)

@@ -12,7 +12,7 @@ from softnn import prepare
 from softnn.materials import SPEEDS, material
 from softnn.properties import OFFSET, Elastic, Properties
 from softnn.recording import Recording
-from studies.common import COLOURS, FAINT, INK, new_figure
+from softnn.study.common import COLOURS, FAINT, INK, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

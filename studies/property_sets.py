@@ -18,7 +18,7 @@ from softnn import prepare, properties
 from softnn.contracts import Array, InputError
 from softnn.readers.tidy import data_folder, load, read_tidy
 from softnn.recording import Recording, data_hash
-from studies.common import markdown
+from softnn.study.common import markdown
 
 # Sets of which at least one property can be had.
 SETS = (

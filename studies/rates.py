@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from softnn.metrics import generalisation_error, nrmse
 from softnn.models.fit_piecewise import fit_jointly, fit_std_lin_sds
 from softnn.models.segments import Equal
-from studies.baselines import (
+from softnn.study.baselines import (
     JOINT_BRANCHES,
     MODELS,
     Choice,
@@ -29,7 +29,7 @@ from studies.baselines import (
     rate_errors,
     softened,
 )
-from studies.common import COLOURS, FAINT, markdown, percent
+from softnn.study.common import COLOURS, FAINT, markdown, percent
 from studies.piecewise import RULES, Case, Work, carry_out, panels, speed_label
 
 if TYPE_CHECKING:

@@ -22,8 +22,9 @@ from softnn.materials import material, table
 from softnn.neural import ARCHITECTURES, PUBLISHED, Seen, samples, train
 from softnn.neural.guard import DIRECTION
 from softnn.recording import data_hash
-from studies import common
-from studies.material_data import Data, prepared
+from softnn.study import common
+from softnn.study.material_data import Data, prepared
+from softnn.study.settings import Settings
 from studies.realtime_inputs import (
     NAME,
     SCENARIOS,
@@ -34,7 +35,6 @@ from studies.realtime_inputs import (
     readings,
     sine,
 )
-from studies.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -25,8 +25,8 @@ from softnn.contracts import Array, InputError
 from softnn.metrics import nrmse
 from softnn.neural import Scaling, samples, train, training
 from softnn.recording import data_hash
+from softnn.study.common import guarded, markdown, parser, results_folder, write_result
 from studies import speed_models
-from studies.common import guarded, markdown, parser, results_folder, write_result
 
 WITHIN = 1e-3  # of the best held-out NRMSE
 NEURONS = (5, 12, 20)

@@ -23,8 +23,8 @@ from softnn.models.branches import coefficients
 from softnn.models.fit_piecewise import branch_stress, sweep
 from softnn.models.relaxation import collocation
 from softnn.models.segments import Tolerance
-from studies.baselines import TOLERANCES, relaxation_tests
-from studies.common import guarded, markdown, parser, results_folder, write_result
+from softnn.study.baselines import TOLERANCES, relaxation_tests
+from softnn.study.common import guarded, markdown, parser, results_folder, write_result
 
 BRANCHES = 8
 SAMPLES = 1_000_000

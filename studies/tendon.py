@@ -18,7 +18,7 @@ import numpy as np
 from softnn.contracts import InputError
 from softnn.materials import MATERIALS, table
 from softnn.recording import data_hash
-from studies import common
+from softnn.study import common
 from studies.property_sets import read
 from studies.tendon_match import (
     Row,

@@ -15,7 +15,7 @@ import numpy as np
 from softnn import prepare, properties, virtual
 from softnn.materials import MATERIALS, Material, material, table
 from softnn.recording import Recording, data_hash
-from studies import common
+from softnn.study import common
 from studies.calibration import measured, targets, unexplained
 
 LISTED = 0.25  # a miss above this needs a reason

@@ -13,8 +13,7 @@ from softnn.contracts import Chunk, InputError
 from softnn.materials import MATERIALS, table
 from softnn.models import PLSLS, Maxwell
 from softnn.recording import Recording
-from studies import accuracy, rates, segments
-from studies.baselines import (
+from softnn.study.baselines import (
     best,
     choices,
     hold_of,
@@ -25,6 +24,7 @@ from studies.baselines import (
     softened,
     variants,
 )
+from studies import accuracy, rates, segments
 from studies.piecewise import cases
 
 PLANTED = {

@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from softnn.noise import estimate
-from studies import ledger, scoring
-from studies.concealed import (
+from bench import ledger, scoring
+from bench.concealed import (
     details,
     noise_check,
     orders,
@@ -21,6 +20,7 @@ from studies.concealed import (
     sealing,
     trial,
 )
+from softnn.noise import estimate
 
 ROOT = Path(__file__).parent.parent
 TRUTHS = {
@@ -83,7 +83,7 @@ def killed(*arguments: str) -> int:
     """The command in a process of its own, which somebody ends; its exit code."""
     program = (
         f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
-        "from studies.concealed import trial\n"
+        "from bench.concealed import trial\n"
         f"trial.SOFTNN, trial.HANDS = {trial.SOFTNN!r}, {trial.HANDS!r}\n"
         f"trial.main({list(arguments)!r})"
     )

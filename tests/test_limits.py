@@ -16,8 +16,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies import limits, limits_report, scoring
-from studies.concealed import forge, oracle, orders
+from bench import limits_report, scoring
+from bench.concealed import forge, oracle, orders
+from studies import limits
 
 ROOT = Path(__file__).parents[1]
 GRID = limits.Grid(

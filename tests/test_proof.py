@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from studies import cost, ledger, limits_report, proof, scoring
-from studies.common import plain
-from studies.concealed import reporting
-from studies.concealed.unlisted import UNLISTED
-from studies.scoring import Rate, Truth
+from bench import ledger, limits_report, scoring
+from bench.concealed import reporting
+from bench.concealed.unlisted import UNLISTED
+from bench.scoring import Rate, Truth
+from softnn.study.common import plain
+from studies import cost, proof
 
 
 def write(folder: Path, name: str, content: dict) -> None:

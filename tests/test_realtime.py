@@ -8,8 +8,8 @@ import pytest
 from softnn.contracts import Chunk, InputError
 from softnn.neural import Network, Scaling, Seen, StoredNetwork, counted, stored
 from softnn.recording import Recording
+from softnn.study.common import RESULTS
 from studies import realtime
-from studies.common import RESULTS
 from studies.realtime_inputs import STEP_S, law, offsets, readings, sine
 
 

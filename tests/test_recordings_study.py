@@ -11,6 +11,8 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from bench.recordings import faults, groups, predict, reporting, sets, trial
+from bench.recordings.reporting import Row, agreement, fault_scores, met, wilson
 from softnn import Recording
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
@@ -20,8 +22,6 @@ from softnn.mismatch.model_file import to_dict
 from softnn.models.units import Units
 from softnn.readers.tidy import data_folder
 from softnn.simulate import Term, simulate
-from studies.recordings import faults, groups, predict, reporting, sets, trial
-from studies.recordings.reporting import Row, agreement, fault_scores, met, wilson
 
 SPRING = Units("hooke", (0.0, 1.0))
 STIFFNESS = 2.0

@@ -20,12 +20,12 @@ import studies
 from softnn import Recording
 from softnn.contracts import InputError
 from softnn.search import Finished
+from softnn.study.common import write_result
+from softnn.study.material_data import Data, first_loading, prepared
+from softnn.study.settings import Settings, parse_neurons
+from softnn.study.trainer import Trainer
 from studies import neurons
-from studies.common import write_result
-from studies.material_data import Data, first_loading, prepared
 from studies.neurons_report import published
-from studies.settings import Settings, parse_neurons
-from studies.trainer import Trainer
 
 ROOT = Path(__file__).parents[1]
 FOLDER = Path(studies.__path__[0])
