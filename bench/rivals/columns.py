@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,7 @@ from bench.rivals.folds import SHARED
 from bench.rivals.naming import UNMAPPED
 from softnn.contracts import Array, Chunk, Effect
 from softnn.effects._kernels import reversals
-from softnn.fit import Guess, Piece
-
-if TYPE_CHECKING:
-    from bench.rivals.problem import Problem
+from softnn.fit import Data, Engine, Fit, Guess, Piece
 
 STATE = (
     "strain",
@@ -94,12 +91,12 @@ class Dictionary:
         )
 
 
-def features(problem: Problem) -> Features:
-    engine, data = problem.engine, problem.data
+def features(engine: Engine, plain: Array) -> Features:
+    """Of the recordings, and of the stress `plain` (valid,) that the base gives."""
+    data = engine.data
     warm = all(c.temperature_C is not None for c in engine.chunks)
     use_warm = warm and data.scales().temperature_C > 0.5
     names = STATE + ((WARM,) if use_warm else ())
-    plain = problem.base.fit.stress
     tables, memories = [], []
     for r, chunk in enumerate(engine.chunks):
         valid = np.isfinite(data.stress_MPa[r])
@@ -160,17 +157,16 @@ def memory(chunk: Chunk) -> Array:
     return out
 
 
-def dictionary(problem: Problem) -> Dictionary:
+def dictionary(engine: Engine, base: Fit, pool: Iterable[Effect]) -> Dictionary:
     """Columns of every effect in the pool, from each start of each of its forms."""
-    engine, guess = problem.engine, problem.base.fit.guess
-    plain = problem.base.fit.stress
+    guess, plain = base.guess, base.stress
     columns: list[Array] = []
     effects: list[str] = []
     own: list[int] = []
     seen: dict[tuple[str, int], list[Array]] = {}
-    for effect in problem.pool:
+    for effect in pool:
         for law in (effect, *effect.second_forms):
-            for piece in starts(problem, law):
+            for piece in starts(engine.data, law):
                 with_it = Guess(guess.units, guess.stiffness, guess.pieces + (piece,))
                 change = engine.run(with_it, False)[0] - plain
                 for g in piece.groups or ((SHARED,),):
@@ -193,11 +189,11 @@ def dictionary(problem: Problem) -> Dictionary:
     return Dictionary(values, tuple(effects), np.array(own, int))
 
 
-def starts(problem: Problem, law: Effect) -> list[Piece]:
+def starts(data: Data, law: Effect) -> list[Piece]:
     """A piece for each start of an effect, switched on in every recording."""
-    count = len(problem.engine.chunks)
+    count = len(data.chunks)
     out = []
-    for start in law.starts(problem.data.scales()):
+    for start in law.starts(data.scales()):
         values: dict[str, Any] = law.defaults() | dict(start)
         for p in law.parameters:
             inside = np.clip(values[p.name], p.low, p.high)

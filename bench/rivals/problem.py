@@ -60,11 +60,16 @@ class Problem:
 
     @cached_property
     def features(self) -> columns.Features:
-        return self.timed("features", lambda: columns.features(self))
+        return self.timed(
+            "features", lambda: columns.features(self.engine, self.base.fit.stress)
+        )
 
     @cached_property
     def dictionary(self) -> columns.Dictionary:
-        return self.timed("dictionary", lambda: columns.dictionary(self))
+        return self.timed(
+            "dictionary",
+            lambda: columns.dictionary(self.engine, self.base.fit, self.pool),
+        )
 
     @cached_property
     def screen(self) -> Screen:
