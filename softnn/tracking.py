@@ -259,7 +259,10 @@ def read_run(uri: str, run_id: str) -> tuple[dict[str, list[float]], str | None]
         ) from None
     metrics = {
         name: [
-            m.value for m in sorted(client.get_metric_history(run_id, name), key=_step)
+            m.value
+            for m in sorted(
+                client.get_metric_history(run_id, name), key=lambda m: m.step
+            )
         ]
         for name in run.data.metrics
     }
@@ -287,8 +290,9 @@ def fetched(uri: str, tracking: str) -> Path:
     except StopIteration:
         raise InputError(f"{uri!r} holds no network of softnn") from None
     except (MlflowException, OSError) as error:
-        first = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{uri!r} cannot be loaded from {tracking}: {first}") from None
+        raise InputError(
+            f"{uri!r} cannot be loaded from {tracking}: {_line(error)}"
+        ) from None
 
 
 def _present(uri: str) -> str:
@@ -326,12 +330,12 @@ def _saved(
         )
 
 
+def _line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
 def _quoted(text: str) -> str:
     return text.replace("'", "''")
-
-
-def _step(metric: Metric) -> int:
-    return int(metric.step)
 
 
 def beginning(note: str) -> str:
@@ -347,9 +351,8 @@ def _client(uri: str) -> MlflowClient:
             made_aside(file, _make)
         client = _connected(uri)
     except Exception as error:  # SQLAlchemy's, requests', MLflow's own
-        first = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(
-            f"tracking {uri!r} cannot be opened ({first}); "
+            f"tracking {uri!r} cannot be opened ({_line(error)}); "
             "give an address such as sqlite:///mlruns/mlflow.db"
         ) from None
     return client

@@ -14,8 +14,9 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from softnn.metrics import nrmse
-from softnn.models.fit_piecewise import branch_stress, fit_elastic, skeleton, sweep
+from softnn.models.fit_piecewise import branch_stress, fit_elastic, sweep
 from softnn.models.segments import Equal, Knots, Optimal, Tolerance
+from softnn.models.skeleton import skeleton
 from softnn.study.baselines import MODELS
 from softnn.study.common import COLOURS, FAINT, markdown, percent
 from studies.piecewise import Case, Work, carry_out, legend_below, panels
