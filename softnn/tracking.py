@@ -25,14 +25,7 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
 import numpy as np
-from mlflow.entities import (
-    Dataset,
-    DatasetInput,
-    Experiment,
-    Metric,
-    Param,
-    Run,
-)
+from mlflow.entities import Dataset, DatasetInput, Experiment, Metric, Param, Run
 from mlflow.exceptions import MlflowException
 from mlflow.store.db.utils import (
     _initialize_tables,
@@ -349,13 +342,12 @@ def _client(uri: str) -> MlflowClient:
     try:
         if file is not None:
             made_aside(file, _make)
-        client = _connected(uri)
+        return _connected(uri)
     except Exception as error:  # SQLAlchemy's, requests', MLflow's own
         raise InputError(
             f"tracking {uri!r} cannot be opened ({_line(error)}); "
             "give an address such as sqlite:///mlruns/mlflow.db"
         ) from None
-    return client
 
 
 def _connected(uri: str) -> MlflowClient:

@@ -20,7 +20,7 @@ from torch import Tensor
 from softnn.contracts import Array, InputError
 from softnn.neural.levenberg import DEFAULTS, Result, Settings, minimise
 from softnn.neural.network import Network, Scaling
-from softnn.neural.rows import Rows, stacked, summary
+from softnn.neural.rows import Rows, normalised, stacked, summary
 
 CHUNK = {"cpu": 2**20, "cuda": 2**27}  # Jacobian entries held at once
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
