@@ -26,7 +26,7 @@ from softnn.models.fit_piecewise import (
 from softnn.models.segments import Equal, Optimal, Tolerance
 from softnn.study.baselines import MODELS, TOLERANCES
 from softnn.study.common import COLOURS, FAINT, INK, markdown, percent
-from studies.piecewise import Case, Work, carry_out, legend_below, panels
+from softnn.study.piecewise import Case, Work, carry_out, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

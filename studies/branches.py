@@ -26,7 +26,7 @@ from softnn.models.relaxation import (
 )
 from softnn.study.baselines import RelaxationTest, late_tau
 from softnn.study.common import COLOURS, FAINT, INK, markdown, percent
-from studies.piecewise import Case, Work, carry_out, legend_below, panels
+from softnn.study.piecewise import Case, Work, carry_out, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -41,7 +41,7 @@ from softnn.study.settings import (
     study_parser,
 )
 from softnn.study.sweep import Sweep, headline_of_all, trial_entry
-from studies.neurons_report import (
+from studies.shown.neurons import (
     CHOSEN,
     FEW,
     HEADER,

@@ -30,7 +30,7 @@ from softnn.study.baselines import (
     softened,
 )
 from softnn.study.common import COLOURS, FAINT, markdown, percent
-from studies.piecewise import RULES, Case, Work, carry_out, panels, speed_label
+from softnn.study.piecewise import RULES, Case, Work, carry_out, panels, speed_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

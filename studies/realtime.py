@@ -24,8 +24,7 @@ from softnn.neural.guard import DIRECTION
 from softnn.recording import data_hash
 from softnn.study import common
 from softnn.study.material_data import Data, prepared
-from softnn.study.settings import Settings
-from studies.realtime_inputs import (
+from softnn.study.realtime_inputs import (
     NAME,
     SCENARIOS,
     SECONDS,
@@ -35,6 +34,7 @@ from studies.realtime_inputs import (
     readings,
     sine,
 )
+from softnn.study.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

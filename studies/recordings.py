@@ -1,4 +1,7 @@
-"""`python -m studies.recordings`: see `bench/recordings/trial.py`."""
+"""What is missing from simulations of real recordings, and does the literature agree?
+
+The work is in `bench/recordings/trial.py`.
+"""
 
 import sys
 

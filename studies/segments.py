@@ -19,7 +19,7 @@ from softnn.models.segments import Equal, Knots, Optimal, Tolerance
 from softnn.models.skeleton import skeleton
 from softnn.study.baselines import MODELS
 from softnn.study.common import COLOURS, FAINT, markdown, percent
-from studies.piecewise import Case, Work, carry_out, legend_below, panels
+from softnn.study.piecewise import Case, Work, carry_out, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

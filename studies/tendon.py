@@ -19,8 +19,8 @@ from softnn.contracts import InputError
 from softnn.materials import MATERIALS, table
 from softnn.recording import data_hash
 from softnn.study import common
-from studies.property_sets import read
-from studies.tendon_match import (
+from softnn.study.property_sets import read
+from softnn.study.tendon_match import (
     Row,
     Tendon,
     beside,

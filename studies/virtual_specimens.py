@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from bench.calibration import measured, targets, unexplained
 from softnn import prepare, properties, virtual
 from softnn.materials import MATERIALS, Material, material, table
 from softnn.recording import Recording, data_hash
 from softnn.study import common
-from studies.calibration import measured, targets, unexplained
 
 LISTED = 0.25  # a miss above this needs a reason
 REASONS = {

@@ -24,8 +24,8 @@ from softnn.study.baselines import (
     softened,
     variants,
 )
+from softnn.study.piecewise import cases
 from studies import accuracy, rates, segments
-from studies.piecewise import cases
 
 PLANTED = {
     "spring_1": 2.0,

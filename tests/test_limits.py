@@ -16,9 +16,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench import limits_report, scoring
+from bench import scoring
 from bench.concealed import forge, oracle, orders
-from studies import limits
+from bench.limits import reporting as limits_report
+from bench.limits import trial as limits
 
 ROOT = Path(__file__).parents[1]
 GRID = limits.Grid(

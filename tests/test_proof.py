@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from bench import ledger, limits_report, scoring
+from bench import cost, ledger, scoring
 from bench.concealed import reporting
 from bench.concealed.unlisted import UNLISTED
+from bench.limits import reporting as limits_report
+from bench.proof import page as proof
 from bench.scoring import Rate, Truth
 from softnn.study.common import plain
-from studies import cost, proof
 
 
 def write(folder: Path, name: str, content: dict) -> None:

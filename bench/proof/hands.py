@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from studies.proof import Page
+    from bench.proof.page import Page
 
 Result = Mapping[str, Any]
 CLASS_NAMES = {

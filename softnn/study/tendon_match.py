@@ -12,7 +12,7 @@ from softnn import prepare, properties
 from softnn.contracts import InputError
 from softnn.materials import MATERIALS, material, table
 from softnn.recording import Recording
-from studies.property_sets import kind_of
+from softnn.study.property_sets import kind_of
 
 ASSISTANCE = (1.0, 0.5)
 COLUMNS = {  # of Table 7.2, by what it is called here
