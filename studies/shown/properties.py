@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from softnn import prepare
 from softnn.materials import SPEEDS, material
-from softnn.properties import OFFSET, Elastic, Properties
+from softnn.properties import BEND, OFFSET, Elastic, Properties
 from softnn.recording import Recording
+from softnn.study import common, property_sets
 from softnn.study.common import COLOURS, FAINT, INK, new_figure
+from softnn.study.virtual_properties import BENDS, LISTED, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +25,7 @@ BY_SPEED = dict(zip(SPEEDS, COLOURS, strict=False))
 INITIAL = 0.3  # strain shown in the inset
 
 
-def of_virtual(drawn: Mapping[str, Any]) -> dict[str, Figure]:
+def virtual_figures(drawn: Mapping[str, Any]) -> dict[str, Figure]:
     """Mean curves, offset yield, relaxation; `drawn` maps a material to its results."""
     found = {name: tensile for name, (tensile, _) in drawn.items()}
     tests = {name: held for name, (_, held) in drawn.items()}
@@ -89,7 +92,7 @@ KEY = (
 )
 
 
-def of_set(drawn: Sequence[tuple[Recording, Elastic]]) -> Figure:
+def set_figure(drawn: Sequence[tuple[Recording, Elastic]]) -> Figure:
     """The same of real recordings, a panel each."""
     columns = min(5, len(drawn))
     rows = -(-len(drawn) // columns)
@@ -185,3 +188,86 @@ def _speed(name: str, p: Properties) -> int:
 def _title(figure: Figure, text: str) -> None:
     text = textwrap.fill(text, int(14 * figure.get_figwidth()))
     figure.suptitle(text, fontsize=9, x=0.01, ha="left")
+
+
+def _listed(files: Sequence[Path]) -> str:
+    names = [str(f.with_suffix("")) for f in files if f.suffix == ".png"]
+    return ", ".join(names) or "none"
+
+
+def headline_of(found: dict[str, Any]) -> dict[str, Any]:
+    """The figures that a text may quote."""
+    told: dict[str, Any] = {}
+    if "virtual" in found:
+        rows = found["virtual"]["rows"]
+        missed = np.abs([r["deviation"] for r in rows])
+        listed = [r for r in rows if abs(r["deviation"]) > LISTED]
+        told |= {
+            "virtual_properties": len(rows),
+            "virtual_median_deviation": float(np.nanmedian(missed)),
+            "virtual_within_10_percent": float(np.mean(missed <= 0.10)),
+            "virtual_above_25_percent": len(listed),
+            "virtual_above_25_percent_without_reason": sum(
+                r["reason"] is None for r in listed
+            ),
+        }
+        for bend in (BENDS[0], BENDS[-1]):
+            for key in ("E_small", "E_large", "yield_stress", "yield_strain"):
+                told[f"change_of_{key}_at_bend_{bend:g}"] = _change(
+                    found["virtual"]["bend_sensitivity"], key, bend
+                )
+        toe = found["virtual"]["toe_sensitivity"]
+        told["toe_mean_shift"] = toe["mean_shift"]
+        told["toe_largest_mean_change"] = max(toe["mean_change_of_shift"].values())
+    for source, one in found.items():
+        if source != "virtual":
+            told |= {f"{source}_{k}": v for k, v in one["headline"].items()}
+    return told
+
+
+def _change(bends: Sequence[Row], key: str, bend: float) -> float:
+    """Median relative change of a property from the default bend to `bend`."""
+    pairs = [(b["by_bend"][f"{bend:g}"], b["by_bend"][f"{BEND:g}"]) for b in bends]
+    return float(np.nanmedian([new[key] / old[key] - 1 for new, old in pairs]))
+
+
+def report(found: dict[str, Any]) -> str:
+    """Every table as Markdown."""
+    parts = []
+    if "virtual" in found:
+        parts.append(virtual_report(found["virtual"]))
+    for source, one in found.items():
+        if source != "virtual":
+            parts.append(property_sets.report(source, one))
+    return "\n\n".join(parts)
+
+
+def virtual_report(one: dict[str, Any]) -> str:
+    """Tables 4.2 and 4.4, found / published, and the deviations above 25 %."""
+    text = [
+        "## Virtual specimens (found / published)",
+        "Not a measurement: the generator was calibrated to these tables.",
+    ]
+    for title, where in (("Table 4.2", "mm/min"), ("Table 4.4", "test")):
+        rows = [r for r in one["rows"] if where in r["where"]]
+        keys = list(dict.fromkeys(r["property"] for r in rows))
+        lines = []
+        for place in dict.fromkeys((r["material"], r["where"]) for r in rows):
+            at = {
+                r["property"]: r for r in rows if (r["material"], r["where"]) == place
+            }
+            lines.append(
+                [
+                    " ".join(place),
+                    *(f"{at[k]['found']:.3g} / {at[k]['published']:g}" for k in keys),
+                ]
+            )
+        text += [f"### {title}", common.markdown(["", *keys], lines)]
+    listed = [r for r in one["rows"] if abs(r["deviation"]) > LISTED]
+    text.append(f"### Above {LISTED:.0%}: {len(listed)} of {len(one['rows'])}")
+    text += [
+        f"- {r['material']}, {r['where']}, {r['property']}: {r['deviation']:+.0%}; "
+        f"{r['reason'] or 'no reason found'}"
+        for r in listed
+    ]
+    return "\n\n".join(text)
