@@ -7,13 +7,14 @@ the ledger knows, and the trial says so.
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from softnn.study.common import markdown, plain
+from filelock import FileLock
+
+from softnn import json_file
+from softnn.study.common import markdown
 
 Row = dict[str, Any]
 HEADS = ("opened", "generator", "side", "seed", "what", "cases", "right", "code", "new")
@@ -31,7 +32,7 @@ def enter(row: Mapping[str, Any], folder: Path) -> Row:
     had the same seed of the same generator and side, or a truth in common.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with alone(folder):
+    with FileLock(folder / ".ledger.lock"):
         rows = read(folder)
         others = [r for r in rows if r["trial"] != row["trial"]]
         mine = next((r for r in rows if r not in others), None)
@@ -39,12 +40,10 @@ def enter(row: Mapping[str, Any], folder: Path) -> Row:
         whole = {**row, "opened_before": mine["opened_before"] if mine else before}
         whole["opened"] = mine["opened"] if mine else row["opened"]
         kept = [whole if r is mine else r for r in rows] + [whole] * (mine is None)
-        part = folder / "ledger.json.part"  # never half a ledger
         again = sum(bool(r["opened_before"]) for r in kept)
         head = {"openings": len(kept), "opened_before": again}
-        content = {"study": "ledger", "headline": head, "openings": plain(kept)}
-        part.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
-        part.replace(folder / "ledger.json")
+        content = {"study": "ledger", "headline": head, "openings": kept}
+        json_file.write(folder / "ledger.json", content)
     return whole
 
 
@@ -54,22 +53,6 @@ def shared(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
         return True
     keys = ("generator", "side", "seed")
     return one["seed"] is not None and all(one[k] == other[k] for k in keys)
-
-
-@contextmanager
-def alone(folder: Path) -> Iterator[None]:
-    """One trial at a time; the lock ends with its process, however that ends."""
-    try:
-        import fcntl
-    except ImportError:  # Windows: two trials that end at one moment are left to luck
-        yield
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:

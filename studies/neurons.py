@@ -17,17 +17,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from softnn import json_file
 from softnn.contracts import InputError
+from softnn.json_file import plain
 from softnn.search import Finished, Value
 from softnn.study.baselines import piecewise_baselines
 from softnn.study.choice import configuration, fewest, pick, text_of_choice
-from softnn.study.common import (
-    guarded,
-    markdown,
-    plain,
-    save_figure,
-    write_result,
-)
+from softnn.study.common import guarded, markdown, save_figure, write_result
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     SPLITS,
@@ -206,7 +202,7 @@ def keep(found: dict[str, Any], data: Data, settings: Settings) -> Path:
     best = found["best"]
     best["settings"]["material"] = data.material
     content = {"data_sha256": data.digest, **best}
-    path.write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
+    json_file.write(path, content)
     print(f"kept: {path}")
     return path
 

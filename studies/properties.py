@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def work() -> None:
         smoke, whole = options.smoke, options.data is None
-        home = common.RUNS / "smoke" if smoke else common.RUNS
+        home = common.runs_folder(smoke)
         place = common.results_folder(smoke) if whole else home / "results"
         found: dict[str, Any] = {}
         figures: list[Path] = []
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         path = common.write_result(
             name, headline, found, seed=options.seed, data=hashes, folder=place
         )
-        uri = options.tracking or f"sqlite:///{(home / 'mlflow.db').as_posix()}"
+        uri = common.database(options.tracking, smoke)
         track(uri, options.seed, headline, hashes, figures, {f"{name}.md": text})
         print(f"\nresult: {path}; figures: {_listed(figures)}; runs: {uri}")
 

@@ -13,7 +13,7 @@ PACKAGE = ROOT / "softnn"
 # A module imports only what stands on a line above it; siblings do not know each other.
 ORDER = (
     ("contracts",),
-    ("axes",),
+    ("axes", "json_file"),
     (
         "recording",
         "metrics",
@@ -21,7 +21,6 @@ ORDER = (
         "noise",
         "bounded",
         "workers",
-        "json_file",
         "database",
     ),
     ("plausible", "readers", "prepare", "virtual", "models", "effects", "neural"),

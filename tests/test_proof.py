@@ -14,7 +14,7 @@ from bench.concealed.unlisted import UNLISTED
 from bench.limits import reporting as limits_report
 from bench.proof import page as proof
 from bench.scoring import Rate, Truth
-from softnn.study.common import plain
+from softnn.json_file import plain
 
 
 def write(folder: Path, name: str, content: dict) -> None:

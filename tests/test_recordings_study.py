@@ -15,6 +15,7 @@ from bench.recordings import faults, groups, predict, reporting, sets, trial
 from bench.recordings.reporting import Row, agreement, fault_scores, met, wilson
 from softnn import Recording
 from softnn.contracts import Chunk, InputError
+from softnn.database import Store
 from softnn.effects import effect
 from softnn.fit import Guess
 from softnn.mismatch import Case
@@ -358,7 +359,8 @@ def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     assert head["faults_found"] == 1.0
     (split,) = [r for r in found["rows"] if r["kind"] == "split"]
     assert split["unseen"]["ratio"] < 0.2
-    rows = (tmp_path / "mlruns/smoke/recordings/rows.jsonl").read_text().splitlines()
+    with Store(tmp_path / "mlruns/smoke/recordings/rows.sqlite") as store:
+        rows = store.rows()
     # A copy without a fault is the group as it is.
     assert len(rows) == 5
     assert len(found["faults"]["originals"]) == len(found["faults"]["copies"]) == 1

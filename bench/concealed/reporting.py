@@ -13,12 +13,12 @@ from bench import scoring
 from bench.concealed import noise_check, orders
 from softnn.study.common import (
     FAINT,
-    RUNS,
     fingerprint,
     markdown,
     new_figure,
     percent,
     results_folder,
+    runs_folder,
     save_figure,
     write_result,
 )
@@ -248,7 +248,7 @@ def track(
     """One MLflow run for the trial, with its figures and its table."""
     from softnn.tracking import Tracker
 
-    home = RUNS / "smoke" if record["smoke"] else RUNS
+    home = runs_folder(record["smoke"])
     label = f"{record['label']}/"
     with Tracker(
         uri or f"sqlite:///{(home / 'mlflow.db').as_posix()}",

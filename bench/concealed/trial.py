@@ -43,12 +43,12 @@ from bench.concealed import (
 from bench.concealed.reporting import report
 from softnn.contracts import InputError
 from softnn.study.common import (
-    RUNS,
     code_of,
     guarded,
     package_files,
     parser,
     results_folder,
+    runs_folder,
 )
 
 SOFTNN = [sys.executable, "-m", "softnn.cli"]
@@ -131,7 +131,7 @@ def begun(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
         "published": not a.smoke and (sealed or bool(foreign and a.label)),
         "smoke": a.smoke,
     }
-    home = RUNS / "smoke" if a.smoke else RUNS
+    home = runs_folder(a.smoke)
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     name = f"{record['label']}-seed-{a.seed}-{stamp}"
     folder = a.out or home / "concealed" / name

@@ -16,12 +16,12 @@ from bench.scoring import Rate
 from softnn.study.common import (
     COLOURS,
     FAINT,
-    RUNS,
     fingerprint,
     markdown,
     new_figure,
     percent,
     results_folder,
+    runs_folder,
     save_figure,
     write_result,
 )
@@ -457,7 +457,7 @@ def track(
     """One MLflow run for the grid, with its table and figures."""
     from softnn.tracking import Tracker
 
-    home = RUNS / "smoke" if record["smoke"] else RUNS
+    home = runs_folder(record["smoke"])
     grid = record["grid"]
     identity = fingerprint(dict(record))
     with Tracker(

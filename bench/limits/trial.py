@@ -18,9 +18,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import json
 import os
-import sqlite3
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,12 +33,20 @@ from bench.concealed.noises import LEVELS
 from bench.concealed.trial import check_names
 from bench.limits.reporting import CORRELATION_S, report
 from softnn.contracts import InputError
-from softnn.study.common import RUNS, code_of, guarded, package_files, parser
+from softnn.database import Store
+from softnn.study.common import (
+    code_of,
+    guarded,
+    package_files,
+    parser,
+    runs_folder,
+)
 from softnn.workers import workers
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
 COLOURS = CORRELATION_S  # [s], by name
 NULL = "null"
+HERE = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)
@@ -162,51 +168,15 @@ def outcomes(
             yield futures[future], future.result()
 
 
-# --- what is kept ---------------------------------------------------------------------
-
-
-class Store:
-    """Outcomes by case and code, on disk as soon as they are known."""
-
-    def __init__(self, path: Path, code: str) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self.path, self.code = path, code
-        try:
-            self._base = sqlite3.connect(path, timeout=60)
-            self._base.execute(
-                "CREATE TABLE IF NOT EXISTS outcomes"
-                " (name TEXT, code TEXT, row TEXT, PRIMARY KEY (name, code))"
-            )
-        except sqlite3.DatabaseError as error:
-            raise InputError(f"{path} is no store of outcomes: {error}") from None
-
-    def add(self, name: str, row: Mapping[str, Any]) -> None:
-        with self._base:
-            self._base.execute(
-                "INSERT OR REPLACE INTO outcomes VALUES (?, ?, ?)",
-                (name, self.code, json.dumps(row)),
-            )
-
-    def rows(self) -> dict[str, dict[str, Any]]:
-        """By name, of this code alone."""
-        found = self._base.execute(
-            "SELECT name, row FROM outcomes WHERE code = ?", (self.code,)
-        )
-        return {name: json.loads(row) for name, row in found}
-
-    def close(self) -> None:
-        self._base.close()
+# --- the command ----------------------------------------------------------------------
 
 
 def code() -> str:
     """A hash of what makes and diagnoses a case."""
-    forge = Path(sealing.__file__).parent.glob("*.py")
+    forge = (HERE / "concealed").glob("*.py")
     aside = ("noise_check.py", "reporting.py", "trial.py")
     used = [Path(scoring.__file__), *(f for f in forge if f.name not in aside)]
     return code_of([*package_files(), *used])
-
-
-# --- the command ----------------------------------------------------------------------
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -255,15 +225,13 @@ def grid_of(a: argparse.Namespace) -> Grid:
 
 def run(a: argparse.Namespace) -> None:
     grid = grid_of(a)
-    home = RUNS / "smoke" if a.smoke else RUNS
-    store = Store(a.store or home / "limits" / f"seed-{grid.seed}.sqlite", code())
-    try:
+    home = runs_folder(a.smoke)
+    file = a.store or home / "limits" / f"seed-{grid.seed}.sqlite"
+    with Store(file, code()) as store:
         wanted = grid.orders()
         if not a.report:
             fill(store, wanted, 1 if a.smoke else a.jobs)
         rows = pick(store.rows(), wanted)
-    finally:
-        store.close()
     if not rows:
         raise InputError(f"{store.path} holds no case of this grid and this code")
     whole = len(rows) == len(wanted) and grid.effects == orders.NAMES

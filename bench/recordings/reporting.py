@@ -16,7 +16,6 @@ from bench.recordings.groups import Group
 from bench.recordings.sets import Material
 from softnn.study.common import (
     COLOURS,
-    RUNS,
     code_of,
     fingerprint,
     markdown,
@@ -24,6 +23,7 @@ from softnn.study.common import (
     package_files,
     percent,
     results_folder,
+    runs_folder,
     save_figure,
     write_result,
 )
@@ -222,7 +222,7 @@ def report(
     """Print, write and track what came out."""
     material = {(g.set, g.name): g.material for g in groups}
     partial = bool(a.sets or a.groups or a.only_faults)
-    home = RUNS / "smoke" if a.smoke else RUNS
+    home = runs_folder(a.smoke)
     folder = a.out or (home / "results" if partial else results_folder(a.smoke))
     untouched = [r for r in rows if r.kind != "fault"]
     copies = [r for r in rows if r.kind == "fault"]

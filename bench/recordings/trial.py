@@ -26,15 +26,21 @@ from bench.recordings.groups import (
 )
 from bench.recordings.predict import misses, summary, usable
 from bench.recordings.reporting import MAIN, Row, report, version
-from bench.recordings.store import Store
 from bench.recordings.virtual import made_up
 from softnn.contracts import InputError
+from softnn.database import Store
 from softnn.mismatch import Diagnosis, diagnose
 from softnn.mismatch.case import to_data
 from softnn.models.units import BASES
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
-from softnn.study.common import RUNS, fingerprint, guarded, package_files, parser
+from softnn.study.common import (
+    fingerprint,
+    guarded,
+    package_files,
+    parser,
+    runs_folder,
+)
 from softnn.workers import workers
 
 DEFAULT_BASES = ("hooke", "sls", "pl-wiechert")
@@ -101,9 +107,10 @@ def run(a: argparse.Namespace) -> None:
         base = bases[-1] if MAIN not in bases else MAIN
         for g in groups:
             tasks += broken(g, base, samples, a.seed, a.size, only)
-    home = RUNS / "smoke" if a.smoke else RUNS
-    store = Store(home / "recordings" / "rows.jsonl", a.fresh or a.smoke)
-    rows = carried_out(tasks, a.jobs, store)
+    home = runs_folder(a.smoke)
+    file = home / "recordings" / "rows.sqlite"
+    with Store(file, fresh=a.fresh or a.smoke) as store:
+        rows = carried_out(tasks, a.jobs, store)
     digest = data_hash([r for g in groups for r in g.recordings])
     report(rows, groups, left_out, a, digest, MAIN if MAIN in bases else bases[-1])
 
@@ -160,14 +167,16 @@ def carried_out(tasks: Sequence[Task], jobs: int, store: Store) -> list[Row]:
     """A row a task, in order; finished ones are taken from the store."""
     keys = [key_of(t) for t in tasks]
     every = dict(zip(keys, tasks, strict=True))  # one key, one diagnosis
-    todo = {k: t for k, t in every.items() if k not in store.rows}
+    known = {k: Row(**row) for k, row in store.rows().items()}
+    todo = {k: t for k, t in every.items() if k not in known}
     print(f"{len(every)} diagnoses, {len(every) - len(todo)} of them at hand")
     with workers(jobs) if jobs > 1 else nullcontext() as pool:
         done = (pool.map if pool else map)(work, todo.values())
         for i, (key, row) in enumerate(zip(todo, done, strict=True), start=1):
-            store.put(key, row)
+            store.add(key, asdict(row))
+            known[key] = row
             print(f"[{i}/{len(todo)}] {row.line()}", flush=True)
-    rows = [store.rows[k] for k in keys]
+    rows = [known[k] for k in keys]
     return [replace(r, kind=t.kind) for r, t in zip(rows, tasks, strict=True)]
 
 

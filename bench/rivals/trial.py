@@ -32,8 +32,9 @@ from bench.rivals.extra import INSTALL
 from bench.rivals.methods import METHODS, Method, method
 from bench.rivals.problem import read
 from bench.rivals.table import SOFTNN
+from softnn import json_file
 from softnn.contracts import InputError
-from softnn.study.common import RUNS, guarded, parser, plain, results_folder
+from softnn.study.common import guarded, parser, results_folder, runs_folder
 from softnn.workers import workers
 
 QUICK = (SOFTNN, "bic", "pysindy", "omp", "abess", "gaussian_process")  # of --smoke
@@ -84,7 +85,7 @@ def run(a: argparse.Namespace) -> None:
         diagnose_rest(folder, record, a.jobs, timed=0)
     lessons = None
     if any(m.lessons for m in present):
-        home = RUNS / "smoke" if record["smoke"] else RUNS
+        home = runs_folder(record["smoke"])
         lessons = classifier.lessons(record["lessons"], a.jobs, home / "rivals")
     answer_all(folder, present, record["seed"], lessons, a.jobs)
     names = [n for n in (SOFTNN, *(m.name for m in METHODS)) if n in chosen]
@@ -142,7 +143,7 @@ def begin(
         if name != SOFTNN:
             method(name)  # refuse a wrong name before an hour of forging
     label = f"strength-{a.strength:g}"
-    home = RUNS / "smoke" if a.smoke else RUNS
+    home = runs_folder(a.smoke)
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     folder = a.out or home / "rivals" / f"{label}-seed-{a.seed}-{stamp}"
     record = {
@@ -223,9 +224,7 @@ def answer_case(
             said = {**scoring.ABSENT, "case": problem.name, "error": repr(error)}
         path = answer_file(Path(folder), name, Path(case))
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")  # an interrupted run leaves no half answer
-        part.write_text(json.dumps(plain(said), indent=1) + "\n", encoding="utf-8")
-        part.replace(path)
+        json_file.write(path, said)
 
 
 def seal_answers(folder: Path) -> str:

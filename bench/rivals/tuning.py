@@ -23,8 +23,9 @@ from bench.concealed import details, orders, sealing
 from bench.rivals import classifier, methods
 from bench.rivals.naming import Found, Rule, diagnosis
 from bench.rivals.problem import read
+from softnn import json_file
 from softnn.contracts import InputError
-from softnn.study.common import RUNS, guarded, parser, plain
+from softnn.study.common import guarded, parser, runs_folder
 
 STRENGTHS = (1.0, 0.3)
 GRID = tuple(
@@ -65,7 +66,7 @@ def run(a: argparse.Namespace) -> None:
         )
     wanted = [methods.method(n) for n in a.methods] or list(methods.METHODS)
     wanted = [m for m in wanted if m.tuned and not m.missing]
-    home = RUNS / "smoke" if a.smoke else RUNS
+    home = runs_folder(a.smoke)
     lessons = None
     if any(m.lessons for m in wanted):
         lessons = classifier.lessons(a.lessons, a.jobs, home / "rivals")
@@ -95,7 +96,7 @@ def run(a: argparse.Namespace) -> None:
         "cases": len(looked),
     }
     content = {"methods": kept | {n: c | about for n, c in chosen.items()}}
-    path.write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
+    json_file.write(path, content)
     for name, one in chosen.items():
         print(name, one)
 

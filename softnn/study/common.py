@@ -30,10 +30,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-import numpy as np
-
 import softnn
+from softnn import json_file
 from softnn.contracts import InputError
+from softnn.json_file import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -97,9 +97,19 @@ def killed_as_by_ctrl_c() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
+def runs_folder(smoke: bool = False) -> Path:
+    """Where runs and what can be gone on with lie."""
+    return RUNS / "smoke" if smoke else RUNS
+
+
 def results_folder(smoke: bool = False) -> Path:
     """Where results lie: in the project, or under `mlruns/smoke`."""
-    return RUNS / "smoke" / "results" if smoke else RESULTS
+    return runs_folder(smoke) / "results" if smoke else RESULTS
+
+
+def database(given: str | None, smoke: bool, name: str = "mlflow") -> str:
+    """The address given, or that of NAME.db where runs lie."""
+    return given or f"sqlite:///{(runs_folder(smoke) / name).as_posix()}.db"
 
 
 def write_result(
@@ -136,10 +146,7 @@ def write_result(
     folder = RESULTS if folder is None else folder
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.json"
-    text = json.dumps(plain(content), indent=1, allow_nan=False, ensure_ascii=True)
-    temporary = path.with_suffix(".json.part")  # never half a result
-    temporary.write_text(text + "\n", encoding="utf-8")
-    temporary.replace(path)
+    json_file.write(path, content)
     return path
 
 
@@ -152,25 +159,6 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = "absent"
     return found
-
-
-def plain(value: Any) -> Any:
-    """As JSON has it: lists for arrays, null for what is no number.
-
-    >>> plain({"a": np.array([1.0, np.nan]), "b": np.int64(2), 3: (True, None)})
-    {'a': [1.0, None], 'b': 2, '3': [True, None]}
-    """
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return value.as_posix()
-    return value
 
 
 def fingerprint(content: Any, *, files: Iterable[Path] = ()) -> str:

@@ -28,11 +28,13 @@ from softnn.study.baselines import (
 from softnn.study.common import (
     RUNS,
     Parser,
+    database,
     fingerprint,
     guarded,
     new_figure,
     parser,
     results_folder,
+    runs_folder,
     save_figure,
     write_result,
 )
@@ -155,7 +157,7 @@ def carry_out(
 
 
 def asked_for(name: str, arguments: argparse.Namespace) -> Work:
-    home = RUNS / "smoke" if arguments.smoke else RUNS
+    home = runs_folder(arguments.smoke)
     material, data = arguments.material, arguments.data
     if arguments.smoke and data == "virtual" and material == "all":
         material = "NatPolR"
@@ -171,7 +173,7 @@ def asked_for(name: str, arguments: argparse.Namespace) -> Work:
         name="-".join(named),
         seed=arguments.seed,
         smoke=arguments.smoke,
-        tracking=arguments.tracking or f"sqlite:///{(home / 'mlflow.db').as_posix()}",
+        tracking=database(arguments.tracking, arguments.smoke),
         folder=arguments.out or (project if whole else local),
         figures=arguments.out or (project if whole and data == "virtual" else local),
     )

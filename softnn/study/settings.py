@@ -11,7 +11,14 @@ from typing import Any
 
 from softnn.contracts import InputError
 from softnn.neural import ARCHITECTURES, Regularisation
-from softnn.study.common import RUNS, Parser, parser, results_folder
+from softnn.study.common import (
+    RUNS,
+    Parser,
+    database,
+    parser,
+    results_folder,
+    runs_folder,
+)
 
 SPLITS = ("random", "specimen", "rate", "recording")
 MOST_SAMPLES = 500  # a real recording; sampled at one rate, slow tests outweigh others
@@ -144,11 +151,11 @@ def smoked(settings: Settings) -> Settings:
 
 def places_of(arguments: argparse.Namespace, published: bool = True) -> Places:
     """Where to keep things: the project's results only if they are `published`."""
-    home = RUNS / "smoke" if arguments.smoke else RUNS
+    home = runs_folder(arguments.smoke)
     results = results_folder(arguments.smoke) if published else home / "results"
     return Places(
-        storage=arguments.storage or f"sqlite:///{(home / 'optuna.db').as_posix()}",
-        tracking=arguments.tracking or f"sqlite:///{(home / 'mlflow.db').as_posix()}",
+        storage=database(arguments.storage, arguments.smoke, "optuna"),
+        tracking=database(arguments.tracking, arguments.smoke),
         results=arguments.out or results,
         fresh=arguments.fresh or arguments.smoke,
     )
