@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from softnn.metrics import delta_accuracy, delta_complexity, nrmse
 from softnn.models.fit_piecewise import (
@@ -24,9 +24,6 @@ from softnn.study.baselines import MODELS
 from softnn.study.piecewise import Case, Work, carry_out
 from softnn.study.tolerances import Best, best_of
 from studies.shown.accuracy import draw, written
-
-if TYPE_CHECKING:
-    pass
 
 FEW = 20  # segments of the models that are compared at one complexity
 

@@ -14,7 +14,6 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,9 +30,6 @@ from softnn.study.material_data import prepared
 from softnn.study.settings import Settings
 from softnn.study.strips import NAME, STEP_S, VirtualStrip, step_times, strip_models
 from studies.shown.actuator import KNEE, Row, TORQUE_Nm, draw, report
-
-if TYPE_CHECKING:
-    pass
 
 WORKING = 0.5  # strain, Table 7.3
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from softnn.models.relaxation import (
     Relaxation,
@@ -22,9 +22,6 @@ from softnn.models.relaxation import (
 from softnn.study.baselines import RelaxationTest, late_tau
 from softnn.study.piecewise import Case, Work, carry_out
 from studies.shown.branches import METHODS, draw, written
-
-if TYPE_CHECKING:
-    pass
 
 MOST = 10
 

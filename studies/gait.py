@@ -13,7 +13,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from softnn.study.ranges import (
     supported,
 )
 from studies.shown.gait import draw, report
-
-if TYPE_CHECKING:
-    pass
 
 SPEED_RPM = 50.0  # of the knee in walking (thesis section 7.4)
 STRAIN = 0.5  # working range of a strip (Table 7.3)

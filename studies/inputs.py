@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from softnn.contracts import InputError
 from softnn.neural import PUBLISHED
@@ -33,9 +33,6 @@ from softnn.study.settings import (
 )
 from softnn.study.sweep import WHAT, Sweep, headline_of_all, trial_entry
 from studies.shown.inputs import draw
-
-if TYPE_CHECKING:
-    pass
 
 # Table 6.4 of the thesis.
 DEFAULTS = Settings(neurons=(20,), fraction=0.1)

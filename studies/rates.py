@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from softnn.study.baselines import (
     MODELS,
@@ -28,9 +28,6 @@ from softnn.study.common import markdown, percent
 from softnn.study.foretold import foretold, std_lin_sds
 from softnn.study.piecewise import RULES, Case, Work, carry_out, speed_label
 from studies.shown.rates import _row, draw
-
-if TYPE_CHECKING:
-    pass
 
 
 def main(argv: Sequence[str] | None = None) -> int:

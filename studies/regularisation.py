@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from softnn.contracts import InputError
 from softnn.search import Range, Value
@@ -33,9 +33,6 @@ from softnn.study.settings import (
 )
 from softnn.study.sweep import Sweep, headline_of_all, trial_entry
 from studies.shown.regularisation import _gamma, _key, _name, draw
-
-if TYPE_CHECKING:
-    pass
 
 DEFAULTS = Settings(neurons=(20,), fraction=0.1)
 WEIGHTS = Range(1e-10, 1e-1, log=True)

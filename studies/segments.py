@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from softnn.metrics import nrmse
 from softnn.models.fit_piecewise import branch_stress, fit_elastic, sweep
@@ -20,9 +20,6 @@ from softnn.models.skeleton import skeleton
 from softnn.study.baselines import MODELS
 from softnn.study.piecewise import Case, Work, carry_out
 from studies.shown.segments import draw, written
-
-if TYPE_CHECKING:
-    pass
 
 COUNTS = (1, 2, 3, 5, 8, 12, 20, 30, 50)
 ENOUGH = 0.01  # NRMSE of a fit that is good enough to stop adding segments

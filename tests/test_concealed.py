@@ -21,6 +21,7 @@ from bench.concealed import (
     trial,
 )
 from softnn.noise import estimate
+from softnn.study import common
 
 ROOT = Path(__file__).parent.parent
 TRUTHS = {
@@ -207,7 +208,7 @@ def test_a_perfect_diagnosis_meets_every_bar(tmp_path, monkeypatch):
     """The whole way from the key to the report, with diagnoses written by the key."""
     monkeypatch.chdir(tmp_path)
     # MLflow remembers a store by its address: a relative one may be another test's.
-    monkeypatch.setattr(reporting, "RUNS", tmp_path / "mlruns")
+    monkeypatch.setattr(common, "RUNS", tmp_path / "mlruns")
     folder = tmp_path / "trial"
     few = ["mullins_softening", "thermal_softening"]
     wanted = orders.plan(12, 1.0, each=1, nulls=2, pairs=1, unlisted=1, only=few)

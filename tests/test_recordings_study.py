@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bench.recordings import faults, groups, predict, reporting, sets, trial
-from bench.recordings.reporting import Row, agreement, fault_scores, met, wilson
+from bench.recordings.reporting import Row, agreement, fault_scores, met, rate
 from softnn import Recording
 from softnn.contracts import Chunk, InputError
 from softnn.database import Store
@@ -196,11 +196,12 @@ def test_faults_are_scored_on_top_of_what_is_there():
 
 def test_wilson_interval():
     # Wilson 1927: the middle is drawn to a half, by z^2 more trials.
-    w = wilson(48, 50)
-    centre = (0.96 + 1.96**2 / 100) / (1 + 1.96**2 / 50)
+    w = rate(48, 50)
+    z = 1.959964
+    centre = (0.96 + z**2 / 100) / (1 + z**2 / 50)
     assert (w["low"] + w["high"]) / 2 == pytest.approx(centre)
-    assert wilson(0, 0)["rate"] is None
-    assert wilson(0, 5)["low"] == 0
+    assert rate(0, 0)["rate"] is None
+    assert rate(0, 5)["low"] == 0
 
 
 # --- groups and splits ----------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -11,16 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from bench import scoring
 from bench.concealed import noise_check, orders
+from bench.reporting import cell, publish, track
 from softnn.study.common import (
     FAINT,
-    fingerprint,
     markdown,
     new_figure,
     percent,
-    results_folder,
-    runs_folder,
     save_figure,
-    write_result,
 )
 
 if TYPE_CHECKING:
@@ -93,23 +89,12 @@ def report(
             headline[f"{label}/{row['key']}_low"] = row["low"]
             headline[f"{label}/{row['key']}_high"] = row["high"]
     name = "concealed" if record["generator"] == "forge" else "hands"
-    where = results_folder() if record["published"] else folder
-    trials: dict[str, Any] = {}
-    metrics, earlier = headline, where / f"{name}.json"
-    if record["published"] and earlier.exists():  # the others stay
-        old = json.loads(earlier.read_text(encoding="utf-8"))
-        trials = {k: v for k, v in old["trials"].items() if k != label}
-        kept = {k: v for k, v in old["headline"].items() if k.split("/")[0] in trials}
-        headline = kept | headline
     told = {k: v for k, v in record.items() if k != "cases_in"}
-    trials[label] = {"record": told, "bars": rows, **scores}
-    keys = {f"{k} key": t["record"]["key_sha256"] for k, t in trials.items()}
-    written = write_result(
-        name, headline, {"trials": trials}, seed=record["seed"], data=keys, folder=where
-    )
+    trial = {"record": told, "bars": rows, **scores}
+    written = publish(name, record, headline, trial, folder)
     figure = confusion_figure(scores["confusion"])
-    figures = save_figure(figure, f"{name}-{label}", where)
-    track(record, metrics, note, [written, *figures, folder / "record.json"], tracking)
+    figures = save_figure(figure, f"{name}-{label}", written.parent)
+    track(record, headline, note, [written, *figures, folder / "record.json"], tracking)
 
 
 def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) -> str:
@@ -143,18 +128,6 @@ def bars_table(rows: Sequence[Mapping[str, Any]]) -> str:
         found = cell(r) if "of" in r else None if value is None else f"{value:.3g}"
         cells.append([r["what"], found, f"{r['bar']:g}", says[r["met"]]])
     return markdown(["what, in cases to be seen", "found", "bar", "met"], cells)
-
-
-def cell(r: Mapping[str, Any] | None) -> str | None:
-    """A rate as counts and interval; None where there is no case.
-
-    >>> cell(scoring.Rate(1, 4).entry())
-    '1 of 4 (5 to 70 %)'
-    """
-    if not r or not r["of"]:
-        return None
-    ends = f"{percent(r['low'], 0)} to {percent(r['high'], 0)}".replace(" %", "", 1)
-    return f"{r['right']} of {r['of']} ({ends})"
 
 
 def parts_table(scores: Mapping[str, Any]) -> str:
@@ -235,38 +208,3 @@ def confusion_figure(counts: Mapping[str, Mapping[str, int]]) -> Figure:
         side.set_visible(True)
         side.set_color(FAINT)
     return figure
-
-
-def track(
-    record: Mapping[str, Any],
-    metrics: Mapping[str, float | None],
-    note: str,
-    files: Sequence[Path],
-    uri: str | None,
-    study: str = "concealed",
-) -> None:
-    """One MLflow run for the trial, with its figures and its table."""
-    from softnn.tracking import Tracker
-
-    home = runs_folder(record["smoke"])
-    label = f"{record['label']}/"
-    with Tracker(
-        uri or f"sqlite:///{(home / 'mlflow.db').as_posix()}",
-        study,
-        study=f"{study} {record['label']}",
-        identity=fingerprint(dict(record)),
-        name=f"{record['label']} seed {record['seed']}",
-        parameters={
-            k: record.get(k) for k in ("strength", "side", "seed", "cases", "jobs")
-        },
-        data=("sealed key", str(record["key_sha256"])),
-    ) as tracker:
-        tracker.result(
-            {
-                k.removeprefix(label): v
-                for k, v in metrics.items()
-                if v is not None and k.startswith(label)
-            },
-            note=note,
-            files=files,
-        )

@@ -31,7 +31,8 @@ from bench import scoring
 from bench.concealed import details, orders, sealing
 from bench.concealed.noises import LEVELS
 from bench.concealed.trial import check_names
-from bench.limits.reporting import CORRELATION_S, report
+from bench.limits.reporting import report
+from bench.limits.summary import CORRELATION_S
 from softnn.contracts import InputError
 from softnn.database import Store
 from softnn.study.common import (

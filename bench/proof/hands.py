@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from bench import ledger
 from bench.concealed import noise_check, reporting
+from bench.reporting import ends
 from bench.scoring import CLASSES, SEEN
 from softnn.study.common import COLOURS, FAINT, INK, new_figure
 
@@ -136,9 +137,3 @@ def reliability_figure(trials: Result) -> Figure:
     axes.set_ylabel("share of names right")
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
     return figure
-
-
-def ends(rates: Sequence[Result]) -> list[list[float]]:
-    """How far intervals reach below and above, for error bars."""
-    below = [r["rate"] - r["low"] for r in rates]
-    return [below, [r["high"] - r["rate"] for r in rates]]

@@ -14,9 +14,13 @@ import numpy as np
 from bench.recordings.faults import CONTROL, UNLISTED
 from bench.recordings.groups import Group
 from bench.recordings.sets import Material
+from bench.reporting import tracked
+from bench.scoring import Rate
+from softnn.json_file import plain
 from softnn.study.common import (
     COLOURS,
     code_of,
+    database,
     fingerprint,
     markdown,
     new_figure,
@@ -176,7 +180,7 @@ def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
         )
     counted = [t for t in told if not t["there_before"]]
     by = {
-        name: wilson(sum(t["found"] for t in mine), len(mine))
+        name: rate(sum(t["found"] for t in mine), len(mine))
         for name in dict.fromkeys(t["fault"] for t in counted)
         if (mine := [t for t in counted if t["fault"] == name])
     }
@@ -184,31 +188,20 @@ def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "code": sorted({r.code for r in rows}),
         "close": CLOSE,
-        "found_where_close": wilson(sum(t["found"] for t in close), len(close)),
-        "found": wilson(sum(t["found"] for t in counted), len(counted)),
-        "with_a_false_name": wilson(
-            sum(bool(t["false"]) for t in counted), len(counted)
-        ),
-        "new_without_a_fault": wilson(sum(map(bool, control)), len(control)),
+        "found_where_close": rate(sum(t["found"] for t in close), len(close)),
+        "found": rate(sum(t["found"] for t in counted), len(counted)),
+        "with_a_false_name": rate(sum(bool(t["false"]) for t in counted), len(counted)),
+        "new_without_a_fault": rate(sum(map(bool, control)), len(control)),
         "by_fault": by,
         "copies": told,
         "originals": {" ".join(k): sorted(v) for k, v in plain.items()},
     }
 
 
-def wilson(right: int, of: int, z: float = 1.96) -> dict[str, float | int | None]:
-    """A share with its 95 % interval (Wilson 1927).
-
-    >>> {k: round(v, 3) for k, v in wilson(9, 10).items()}
-    {'rate': 0.9, 'low': 0.596, 'high': 0.982, 'of': 10}
-    """
-    if of == 0:
-        return {"rate": None, "low": None, "high": None, "of": 0}
-    p = right / of
-    middle = (p + z * z / (2 * of)) / (1 + z * z / of)
-    half = z / (1 + z * z / of) * np.sqrt(p * (1 - p) / of + (z / (2 * of)) ** 2)
-    low, high = max(middle - half, 0.0), min(middle + half, 1.0)
-    return {"rate": p, "low": float(low), "high": float(high), "of": of}
+def rate(right: int, of: int) -> dict[str, float | int | None]:
+    """A share with its 95 % interval, None where there is no case."""
+    found: dict[str, float | int | None] = plain(Rate(right, of).entry())
+    return found
 
 
 def report(
@@ -257,7 +250,7 @@ def report(
     if any(r.unseen for r in untouched):
         figures = save_figure(figure(untouched, main), "recordings", folder)
     print(f"\nresult: {path}")
-    track(a, head, note, [path, *figures[:1]], digest, home)
+    track(a, head, note, [path, *figures[:1]], digest)
 
 
 def headline(
@@ -401,25 +394,20 @@ def track(
     note: str,
     files: Sequence[Path],
     digest: str,
-    home: Path,
 ) -> None:
     """One MLflow run, with its tables and figures of numbers."""
-    from softnn.tracking import Tracker
-
     settings = {
         k: getattr(a, k) for k in ("sets", "groups", "bases", "samples", "seed", "size")
     }
-    with Tracker(
-        a.tracking or f"sqlite:///{(home / 'mlflow.db').as_posix()}",
+    tracked(
         "recordings",
+        head,
+        database(a.tracking, a.smoke),
         study="recordings",
         identity=fingerprint([settings, digest, note]),
         name="real recordings",
         parameters=settings,
         data=("recordings", digest),
-    ) as tracker:
-        tracker.result(
-            {k: float(v) for k, v in head.items() if v is not None},
-            note=note,
-            files=files,
-        )
+        note=note,
+        files=files,
+    )

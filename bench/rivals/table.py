@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from bench import scoring
 from bench.concealed import details
-from bench.concealed.reporting import track
+from bench.reporting import ends, publish, track
 from softnn.study.common import (
     COLOURS,
     FAINT,
@@ -20,9 +19,7 @@ from softnn.study.common import (
     markdown,
     new_figure,
     percent,
-    results_folder,
     save_figure,
-    write_result,
 )
 
 if TYPE_CHECKING:
@@ -247,8 +244,8 @@ def figure(rows: Mapping[str, Mapping[str, Any]], what: Mapping[str, str]) -> Fi
         axes.errorbar(
             x["rate"],
             y["rate"],
-            xerr=[[x["rate"] - x["low"]], [x["high"] - x["rate"]]],
-            yerr=[[y["rate"] - y["low"]], [y["high"] - y["rate"]]],
+            xerr=ends([x]),
+            yerr=ends([y]),
             fmt="o",
             color=colour,
             ecolor=FAINT,
@@ -289,23 +286,8 @@ def report(
             if c.rate and entry is not None:
                 headline[f"{label}/{name}/{c.key}_low"] = entry["low"]
                 headline[f"{label}/{name}/{c.key}_high"] = entry["high"]
-    where = results_folder() if record["published"] else folder
-    trials: dict[str, Any] = {}
-    earlier = where / "rivals.json"
-    if record["published"] and earlier.exists():  # the other strengths stay
-        old = json.loads(earlier.read_text(encoding="utf-8"))
-        trials = {k: v for k, v in old["trials"].items() if k != label}
-        kept = {k: v for k, v in old["headline"].items() if k.split("/")[0] in trials}
-        headline = kept | headline
-    trials[label] = {"record": record, "table": rows, "wins": wins(rows), **body}
-    written = write_result(
-        "rivals",
-        headline,
-        {"trials": trials},
-        seed=record["seed"],
-        data={f"{k} key": t["record"]["key_sha256"] for k, t in trials.items()},
-        folder=where,
-    )
-    figures = save_figure(figure(rows, what), f"rivals-{label}", where)
+    trial = {"record": record, "table": rows, "wins": wins(rows), **body}
+    written = publish("rivals", record, headline, trial, folder)
+    figures = save_figure(figure(rows, what), f"rivals-{label}", written.parent)
     files = [written, *figures, folder / "seal.json"]
     track(record, headline, note, files, tracking, "rivals")

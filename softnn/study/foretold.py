@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from softnn.metrics import generalisation_error, nrmse
 from softnn.models.fit_piecewise import fit_jointly, fit_std_lin_sds
@@ -12,9 +12,6 @@ from softnn.study.baselines import (
     rate_errors,
 )
 from softnn.study.piecewise import Case, speed_label
-
-if TYPE_CHECKING:
-    pass
 
 
 def foretold(model: str, case: Case) -> dict[str, Any] | None:

@@ -10,16 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from softnn.contracts import InputError
 from softnn.materials import table
 from softnn.readers.tidy import read_text
-
-if TYPE_CHECKING:
-    pass
 
 COLUMNS = ("low", "high", "group_low", "group_high", "study")
 

@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,9 +24,6 @@ from softnn.motor import Strip
 from softnn.neural import Seen, StoredNetwork, samples, train
 from softnn.recording import Recording
 from studies.shown.actuator import Row
-
-if TYPE_CHECKING:
-    pass
 
 NAME, STEP_S = "NatPolR", 1e-3
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from softnn.models.fit_piecewise import (
 from softnn.models.segments import Tolerance
 from softnn.study.baselines import TOLERANCES
 from softnn.study.piecewise import Case
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,6 @@ from softnn.study.settings import (
 from softnn.study.sweep import WHAT
 
 if TYPE_CHECKING:
-    pass
-
-if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
