@@ -15,10 +15,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.signal import lombscargle
 
 from softnn.contracts import Array, Chunk
 from softnn.fit import Engine, Fit
 from softnn.mismatch.locate import phases
+from softnn.mismatch.verify import parts
 
 FEATURES = (
     "strain",
@@ -43,10 +45,6 @@ class Learned:
     importance: dict[str, float]  # rise of the held-out error when shuffled, relative
     ratio: float  # held-out error with the correction over without
     period: dict[str, Any] | None
-
-    def predict(self, chunk: Chunk) -> Array:
-        """Stress to be added (n,), MPa."""
-        return within(self.network, features(chunk, self.features))
 
     def to_dict(self) -> dict[str, Any]:
         return {"features": list(self.features), "network": self.network.to_dict()}
@@ -100,55 +98,52 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
     from softnn.neural import Regularisation, train
 
     names: tuple[str, ...] = FEATURES
-    warm = [c.temperature_C is not None for c in engine.chunks]
-    if all(warm) and engine.data.scales().temperature_C > 0.5:
-        names = FEATURES + ("temperature_C",)
+    warm = all(c.temperature_C is not None for c in engine.chunks)
+    if warm and engine.data.scales().temperature_C > 0.5:
+        names = (*FEATURES, "temperature_C")
     x = np.concatenate([features(c, names) for c in engine.chunks])[engine.valid]
-    y = engine.target - found.stress
-    stride = max(len(y) // MOST, 1)
-    index = np.arange(rng.integers(stride), len(y), stride)
-    x_few, y_few, owner = x[index], y[index], engine.owner[index]
-    if len(index) < 30 or np.std(y_few) == 0:
+    stride = max(len(x) // MOST, 1)
+    index = np.arange(rng.integers(stride), len(x), stride)
+    x, y = x[index], (engine.target - found.stress)[index]
+    if len(index) < 30 or np.std(y) == 0:
         return None
-    groups = np.unique(owner)
-    if len(groups) > 1:
-        masks = [owner != g for g in groups] + [np.ones(len(index), bool)]
-    else:
-        block = np.arange(len(index)) * 5 // len(index)
-        masks = [block != b for b in range(5)] + [np.ones(len(index), bool)]
-    trained = train(
-        x_few,
-        y_few,
-        neurons=[NEURONS] * len(masks),
-        train_mask=np.array(masks),
-        seeds=[int(s) for s in rng.integers(0, 2**31, len(masks))],
+    part = parts(engine)[index]
+    folds = [part == g for g in np.unique(part)]
+    *trained, whole = train(
+        x,
+        y,
+        neurons=[NEURONS] * (len(folds) + 1),
+        train_mask=np.array([*(~f for f in folds), np.ones(len(index), bool)]),
+        seeds=[int(s) for s in rng.integers(0, 2**31, len(folds) + 1)],
         regularisation=Regularisation.parse("bayesian"),
     )
-    before = after = 0.0
-    worse = dict.fromkeys(names, 0.0)
-    for mask, one in zip(masks[:-1], trained[:-1], strict=True):
-        test = ~mask
-        before += float(np.sum(y_few[test] ** 2))
-        after += float(np.sum((y_few[test] - within(one.network, x_few[test])) ** 2))
-        for j, name in enumerate(names):
-            mixed = x_few[test].copy()
+    after, worse = 0.0, np.zeros(len(names))
+    for test, one in zip(folds, trained, strict=True):
+        after += _squares(one.network, x[test], y[test])
+        for j in range(len(names)):
+            mixed = x[test].copy()
             mixed[:, j] = rng.permutation(mixed[:, j])
-            worse[name] += float(
-                np.sum((y_few[test] - within(one.network, mixed)) ** 2)
-            )
-    ratio = float(np.sqrt(after / before))
+            worse[j] += _squares(one.network, mixed, y[test])
+    ratio = float(np.sqrt(after / np.sum(y**2)))
     found_period = period(engine, found.residual, rng)
     if not ratio < 0.97 and found_period is None:
         return None
-    rise = {n: max(v / after - 1, 0.0) for n, v in worse.items()}
-    total = sum(rise.values()) or 1.0
+    rise = np.maximum(worse / after - 1, 0.0)
+    share = rise / (rise.sum() or 1.0)
     return Learned(
-        trained[-1].network,
+        whole.network,
         names,
-        {n: round(v / total, 4) for n, v in sorted(rise.items(), key=lambda i: -i[1])},
+        {
+            names[j]: round(float(share[j]), 4)
+            for j in np.argsort(-share, kind="stable")
+        },
         ratio,
         found_period,
     )
+
+
+def _squares(network: Any, x: Array, y: Array) -> float:
+    return float(np.sum((y - within(network, x)) ** 2))
 
 
 def period(
@@ -159,20 +154,17 @@ def period(
     for axis, unit in (("time", "s"), ("strain", "-")):
         lines, tops = [], []
         for r, chunk in enumerate(engine.chunks):
-            own = engine.owner == r
-            at = (chunk.time_s if axis == "time" else chunk.strain)[
-                np.isfinite(engine.data.stress_MPa[r])
-            ]
+            z = residual[engine.owner == r]
+            at = chunk.time_s if axis == "time" else chunk.strain
+            at = at[np.isfinite(engine.data.stress_MPa[r])]
             span = float(np.ptp(at))
-            if own.sum() < 40 or span <= 0:
+            if len(z) < 40 or span <= 0:
                 continue
-            step = span / own.sum() if axis == "time" else span / 200
+            step = span / len(z) if axis == "time" else span / 200
             frequency = np.linspace(4 / span, 0.45 / step, 400)
-            z = residual[own]
-            mixed = [rng.permutation(z) for _ in range(MIXED)]
-            power = _power(at, np.stack([z, *mixed]), frequency)
-            lines.append((frequency, power[0]))
-            tops += list(power[1:].max(axis=1))
+            lines.append((frequency, _power(at, z, frequency)))
+            mixed = (rng.permutation(z) for _ in range(MIXED))
+            tops += [_power(at, one, frequency).max() for one in mixed]
         if not lines:
             continue
         limit = float(np.quantile(tops, level)) * 1.5
@@ -190,9 +182,6 @@ def period(
 
 
 def _power(at: Array, z: Array, frequency: Array) -> Array:
-    """Normalised Lomb-Scargle power (rows, k) at frequencies (k,), of z (rows, n)."""
-    z = z - z.mean(axis=1, keepdims=True)
-    angle = 2 * np.pi * np.outer(at, frequency)
-    c, s = np.cos(angle), np.sin(angle)
-    power = (z @ c) ** 2 / (c**2).sum(axis=0) + (z @ s) ** 2 / (s**2).sum(axis=0)
-    return power / (2 * np.maximum(z.var(axis=1, keepdims=True), 1e-300))
+    """Lomb-Scargle power (k,) at frequencies (k,) of z (n,), over its variance."""
+    found = lombscargle(at, z - z.mean(), 2 * np.pi * frequency)
+    return np.asarray(found / max(np.var(z), 1e-300))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softnn.axes import SPECIMEN, Axes, common
-from softnn.contracts import Array, Chunk, Effect, InputError
+from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
 from softnn.mismatch.case import HISTORIES, Case, to_data
@@ -73,11 +73,9 @@ class Stored:
         if self.simulation is not None:
             simulated = self.simulation.stress(names, chunks, simulated, continued)
         x, y = self.axes.strain.one, self.axes.stress.one
-        if x != 1 or y != 1:
-            chunks = [replace(c, strain=np.asarray(c.strain) / x) for c in chunks]
-            simulated = [None if s is None else np.asarray(s) / y for s in simulated]
-        out = self._counted(names, chunks, simulated, continued)
-        return out if y == 1 else [stress * y for stress in out]
+        chunks = [replace(c, strain=np.asarray(c.strain) / x) for c in chunks]
+        simulated = [None if s is None else np.asarray(s) / y for s in simulated]
+        return [y * s for s in self._counted(names, chunks, simulated, continued)]
 
     def _counted(
         self,
@@ -128,8 +126,17 @@ def to_dict(
     needs_simulated: bool,
     learned: Mapping[str, Any] | None = None,
     simulation: Mapping[str, Any] | None = None,
+    axes: Axes = SPECIMEN,
 ) -> dict[str, Any]:
-    """A guess as model.json; readable, and stable under writing and reading."""
+    """A guess as model.json; readable, and stable under writing and reading.
+
+    `axes` say what its strain and MPa are, where it is a component's.
+    """
+
+    def unit(p: Parameter) -> str:
+        size, name = axes.of(p)
+        return name if size == 1 else f"{size:g} {name}"
+
     effects = []
     for piece in guess.pieces:
         values: dict[str, float] = {}
@@ -146,7 +153,7 @@ def to_dict(
                 "effect": piece.effect.id,
                 "form": piece.effect.form,
                 "values": values,
-                "units": {p.name: p.unit for p in piece.effect.parameters},
+                "units": {p.name: unit(p) for p in piece.effect.parameters},
                 "own": own,
             }
         )
@@ -164,6 +171,7 @@ def to_dict(
         "effects": effects,
         "learned": None if learned is None else dict(learned),
         "simulation": None if simulation is None else dict(simulation),
+        **({"axes": axes.to_dict()} if axes.component else {}),
     }
 
 
@@ -196,66 +204,64 @@ def _number(value: Any) -> float:
 
 
 def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
-    if isinstance(data, dict) and data.get("kind") == NETWORK:
-        from softnn.neural import stored
-
-        try:
-            return stored.from_dict(data)
-        except InputError as error:
-            raise InputError(str(error), file=path) from None
-    if not isinstance(data, dict) or data.get("kind") != KIND:
-        raise InputError(f"no model.json of softnn (kind is not {KIND!r})", file=path)
-    if data.get("version") != VERSION:
-        raise InputError(
-            f"version is {data.get('version')!r}; this softnn reads {VERSION}",
-            file=path,
-        )
+    """The model that a file holds. Raises `InputError`, which names the file."""
     try:
-        base = data["base"]
-        units = Units(
-            str(base["name"]),
-            tuple(_number(k) for k in base["knots"]),
-            tuple(_number(t) for t in base["relaxation_times_s"]),
-        )
-        if units.name not in BASES:
-            raise InputError(f"no base {units.name!r}; allowed: {', '.join(BASES)}")
-        stiffness = np.array([_number(k) for k in base["stiffness_MPa"]])
-        pieces, own = [], []
-        for entry in data["effects"]:
-            law = effect(entry["effect"], entry["form"])
-            # A shape that the law has got since the file was written is the usual one.
-            usual = {k: v for k, v in law.defaults().items() if k in law.shape}
-            values = usual | {k: float(v) for k, v in entry["values"].items()}
-            law.prepare(values)
-            pieces.append(Piece(law, values, ()))
-            own.append(_own(law, entry.get("own", {})))
-        history = str(data["history"])
-        if history not in HISTORIES:
-            raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
-        _check_learned(data.get("learned"))
-        axes = Axes.from_dict(data.get("axes"))
-        needs = bool(base.get("corrects_simulated_MPa", False))
-        inner = data.get("simulation")
-        simulation = None if inner is None else from_dict(inner)
+        if isinstance(data, dict) and data.get("kind") == NETWORK:
+            from softnn.neural import stored
+
+            return stored.from_dict(data)
+        return _stored(data)
     except InputError as error:
         raise InputError(str(error), file=path) from None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"cannot be read as a model: {error!r}", file=path) from None
+
+
+def _stored(data: Any) -> Stored:
+    if not isinstance(data, dict) or data.get("kind") != KIND:
+        raise InputError(f"no model.json of softnn (kind is not {KIND!r})")
+    if data.get("version") != VERSION:
+        raise InputError(
+            f"version is {data.get('version')!r}; this softnn reads {VERSION}"
+        )
+    base = data["base"]
+    units = Units(
+        str(base["name"]),
+        tuple(_number(k) for k in base["knots"]),
+        tuple(_number(t) for t in base["relaxation_times_s"]),
+    )
+    if units.name not in BASES:
+        raise InputError(f"no base {units.name!r}; allowed: {', '.join(BASES)}")
+    stiffness = np.array([_number(k) for k in base["stiffness_MPa"]])
     if stiffness.shape != (units.columns,) or not (stiffness >= 0).all():
         raise InputError(
-            f"stiffness_MPa must hold {units.columns} numbers of 0 or more", file=path
+            f"stiffness_MPa must hold {units.columns} numbers of 0 or more"
         )
+    pieces, own = [], []
+    for entry in data["effects"]:
+        law = effect(entry["effect"], entry["form"])
+        # A shape that the law has got since the file was written is the usual one.
+        usual = {k: v for k, v in law.defaults().items() if k in law.shape}
+        values = usual | {k: float(v) for k, v in entry["values"].items()}
+        law.prepare(values)
+        pieces.append(Piece(law, values, ()))
+        own.append(_own(law, entry.get("own", {})))
+    history = str(data["history"])
+    if history not in HISTORIES:
+        raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
+    _check_learned(data.get("learned"))
+    inner = data.get("simulation")
     return Stored(
         units,
         stiffness,
         tuple(pieces),
         tuple(own),
-        needs,
+        bool(base.get("corrects_simulated_MPa", False)),
         history,
         data.get("learned"),
-        simulation,
+        None if inner is None else from_dict(inner),
         data,
-        axes,
+        Axes.from_dict(data.get("axes")),
     )
 
 
