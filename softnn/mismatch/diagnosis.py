@@ -26,8 +26,8 @@ from softnn.mismatch.case import (
     to_data,
 )
 from softnn.mismatch.learn import learn
-from softnn.mismatch.model_file import Stored, from_dict, to_dict
 from softnn.mismatch.verdict import Told
+from softnn.model_file import Correction, Stored, from_dict, to_dict
 from softnn.recording import Recording
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ def _diagnose(
         shown = beyond(data, data.simulated_MPa or (), told.before.guess)
     names, fixed = shown.data.names, told.base.fixed
 
-    def stored(one: Fit, extra: dict[str, Any] | None = None) -> dict[str, Any]:
+    def stored(one: Fit, extra: Correction | None = None) -> dict[str, Any]:
         return to_dict(one.guess, names, case.history, fixed, extra, source, axes)
 
     def stress(one: Fit) -> list[Array]:
@@ -176,7 +176,7 @@ def _diagnose(
     return Diagnosis(
         whole,
         result,
-        stored(told.after, None if learned is None else learned.to_dict()),
+        stored(told.after, None if learned is None else learned.correction),
         stored(told.before),
         [c.time_s for c in shown.data.chunks],
         [c.strain * axes.strain.one for c in shown.data.chunks],

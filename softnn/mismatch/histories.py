@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from softnn.axes import Axes
-from softnn.contracts import Array, Chunk, InputError
-from softnn.mismatch.model_file import Stored
+from softnn.contracts import Chunk, InputError
+from softnn.model_file import Stored
 from softnn.readers.tidy import numbers, table
 from softnn.recording import check_columns
 
@@ -95,13 +95,3 @@ def read_history(file: Path, axes: Axes) -> pd.DataFrame:
     columns = {c: numbers(frame[c], file) for c in known if c in frame}
     check_columns({c: columns[c] for c in axes.columns[:2]}, str(file), first_row=2)
     return pd.DataFrame(columns)
-
-
-def bridged(values: Array, time: Array) -> Array:
-    """The values (n,), missing ones straight in time between their neighbours."""
-    bad = ~np.isfinite(values)
-    if bad.all():
-        raise InputError("a column of strain or simulation holds no number at all")
-    values = np.array(values)
-    values[bad] = np.interp(time[bad], time[~bad], values[~bad])
-    return values

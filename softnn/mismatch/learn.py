@@ -17,20 +17,12 @@ from typing import Any
 import numpy as np
 from scipy.signal import lombscargle
 
-from softnn.contracts import Array, Chunk
+from softnn.contracts import Array
 from softnn.fit import Engine, Fit
-from softnn.mismatch.locate import phases
 from softnn.mismatch.verify import parts
+from softnn.model_file import Correction
+from softnn.state import FEATURES, features
 
-FEATURES = (
-    "strain",
-    "largest_strain",
-    "log_rate",
-    "direction",
-    "log_time_since_reversal",
-    "travel",
-    "log_time",
-)
 NEURONS = 6
 MOST = 1500  # samples the network is trained on; the residual is smooth
 MIXED = 8  # times the residual is shuffled, for what noise may show at one period
@@ -38,59 +30,12 @@ MIXED = 8  # times the residual is shuffled, for what noise may show at one peri
 
 @dataclass(frozen=True)
 class Learned:
-    """A correction of the stress, MPa, over features; JSON-ready by `to_dict`."""
+    """A correction of the stress, and what it depends on."""
 
-    network: Any
-    features: tuple[str, ...]
+    correction: Correction
     importance: dict[str, float]  # rise of the held-out error when shuffled, relative
     ratio: float  # held-out error with the correction over without
     period: dict[str, Any] | None
-
-    def to_dict(self) -> dict[str, Any]:
-        return {"features": list(self.features), "network": self.network.to_dict()}
-
-
-def within(network: Any, x: Array) -> Array:
-    """What a network says (n,) of features (n, d), within the ranges it has seen.
-
-    A slower or longer recording than any it knows would have it extrapolate.
-    """
-    known = np.clip(x, network.inputs.low, network.inputs.high)
-    return np.clip(network.predict(known), network.target.low, network.target.high)
-
-
-def features(
-    chunk: Chunk, names: tuple[str, ...] = FEATURES, *, warm: bool = False
-) -> Array:
-    """State features (n, features) of a recording."""
-    if warm:
-        names = (*names, "temperature_C")
-    time, strain = chunk.time_s - chunk.time_s[0], chunk.strain
-    step = np.maximum(np.diff(time, prepend=time[0]), 1e-9)
-    step[0] = step[1] if len(step) > 1 else 1.0
-    rate = np.diff(strain, prepend=strain[0]) / step
-    if len(rate) > 1:
-        rate[0] = rate[1]
-    branch = phases(chunk).branch
-    change = np.concatenate([[True], np.diff(branch) != 0])
-    since = time - np.maximum.accumulate(np.where(change, time, 0.0))
-    typical = np.median(np.abs(rate[rate != 0])) if (rate != 0).any() else 1.0
-    table = {
-        "strain": strain,
-        "largest_strain": np.maximum.accumulate(np.abs(strain)),
-        "log_rate": np.log10(np.abs(rate) + 1e-3 * typical),
-        "direction": np.sign(np.where(np.abs(rate) > 1e-3 * typical, rate, 0.0)),
-        "log_time_since_reversal": np.log10(since + 0.01 * (time[-1] + 1e-9) + 1e-9),
-        "travel": np.cumsum(np.abs(np.diff(strain, prepend=strain[0]))),
-        "log_time": np.log10(time + 0.01 * (time[-1] + 1e-9) + 1e-9),
-    }
-    if chunk.temperature_C is not None:
-        degrees = chunk.temperature_C
-        known = np.isfinite(degrees)
-        table["temperature_C"] = (
-            np.interp(time, time[known], degrees[known]) if known.any() else 0 * time
-        )
-    return np.stack([table[n] for n in names], axis=1)
 
 
 def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | None:
@@ -119,31 +64,22 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
     )
     after, worse = 0.0, np.zeros(len(names))
     for test, one in zip(folds, trained, strict=True):
-        after += _squares(one.network, x[test], y[test])
+        foretold = Correction(names, one.network).at
+        after += float(np.sum((y[test] - foretold(x[test])) ** 2))
         for j in range(len(names)):
             mixed = x[test].copy()
             mixed[:, j] = rng.permutation(mixed[:, j])
-            worse[j] += _squares(one.network, mixed, y[test])
+            worse[j] += np.sum((y[test] - foretold(mixed)) ** 2)
     ratio = float(np.sqrt(after / np.sum(y**2)))
     found_period = period(engine, found.residual, rng)
     if not ratio < 0.97 and found_period is None:
         return None
     rise = np.maximum(worse / after - 1, 0.0)
     share = rise / (rise.sum() or 1.0)
-    return Learned(
-        whole.network,
-        names,
-        {
-            names[j]: round(float(share[j]), 4)
-            for j in np.argsort(-share, kind="stable")
-        },
-        ratio,
-        found_period,
-    )
-
-
-def _squares(network: Any, x: Array, y: Array) -> float:
-    return float(np.sum((y - within(network, x)) ** 2))
+    order = np.argsort(-share, kind="stable")
+    importance = {names[j]: round(float(share[j]), 4) for j in order}
+    correction = Correction(names, whole.network)
+    return Learned(correction, importance, ratio, found_period)
 
 
 def period(

@@ -8,9 +8,7 @@ and the base refitted to each draw) sets the threshold for all of them together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 from softnn.axes import Axes
 from softnn.contracts import Array, Chunk
 from softnn.fit import Engine, Fit, span
+from softnn.state import BRANCHES, phases, runs
 
 WINDOWS = (8, 16, 32, 64, 128, 256)
 DRAWS = 60  # of noise, for the largest mean that a window of it has
@@ -26,68 +25,6 @@ SIGMAS = 2.0  # beyond which an effect is said to act
 RESTING = 0.05  # of the largest strain, below which a specimen is not strained yet
 BACK = 0.1  # of the largest strain: less is no way back
 LOADING = 0.85  # of the time under strain: a machine dwells a little before it turns
-
-
-@dataclass(frozen=True)
-class Phases:
-    """What each sample (n,) of a recording belongs to."""
-
-    branch: Array  # index into BRANCHES
-    cycle: Array  # counts from 1
-
-
-BRANCHES = ("hold", "first loading", "reloading", "unloading")
-
-
-def phases(chunk: Chunk, band: float = 0.02) -> Phases:
-    """Branch and cycle of each sample; `band` of the range back is a reversal."""
-    strain, time = chunk.strain, chunk.time_s
-    span = float(strain.max() - strain.min())
-    n = len(strain)
-    turn = turns(strain, band * span)
-    rising = np.diff(strain[turn], append=strain[turn[-1]]) > 0
-    at = np.arange(n)
-    stretch = np.searchsorted(turn[1:-1], at, "right")
-    cycle = 1 + np.cumsum(rising) - rising[0]
-    # A hold: over a stretch the strain moves by far less than it does elsewhere.
-    reach = max(n // 200, 2)
-    ahead, behind = np.minimum(at + reach, n - 1), np.maximum(at - reach, 0)
-    step = np.abs(strain - [strain[ahead], strain[behind]]).min(axis=0)
-    rate = step / np.maximum(time[ahead] - time, 1e-12)
-    took = np.diff(time)  # time stamps may repeat
-    moving = np.abs(np.diff(strain))[took > 0] / took[took > 0]
-    typical = np.median(moving[moving > 0]) if (moving > 0).any() else 0.0
-    hold = rate < min(0.02 * typical, 1.0) if typical > 0 else np.ones(n, bool)
-    hold |= (step < 1e-4 * span) & (rate < 0.1 * typical)
-    # Outward from zero is loading, in tension and in compression.
-    outward = rising[stretch] == (strain >= 0)
-    size = np.abs(strain)
-    fresh = size >= np.maximum.accumulate(size) - 1e-3 * span
-    branch = np.where(outward, np.where(fresh, 1, 2), 3)
-    return Phases(np.where(hold, 0, branch), cycle[stretch])
-
-
-def turns(x: Array, band: float) -> Array:
-    """Indices of turning points that matter, with the first and last sample."""
-    out = [0]
-    low = high = 0
-    direction = 0
-    for i in range(1, len(x)):
-        if direction >= 0 and x[i] > x[high]:
-            high = i
-        if direction <= 0 and x[i] < x[low]:
-            low = i
-        if direction >= 0 and x[high] - x[i] > band:
-            if high != out[-1]:
-                out.append(high)
-            direction, low = -1, i
-        elif direction <= 0 and x[i] - x[low] > band:
-            if low != out[-1]:
-                out.append(low)
-            direction, high = 1, i
-    if out[-1] != len(x) - 1:
-        out.append(len(x) - 1)
-    return np.array(out)
 
 
 def only_loading(engine: Engine) -> bool:
@@ -207,14 +144,3 @@ def regions(
 
 def _ends(x: Array) -> list[float]:
     return [float(np.nanmin(x)), float(np.nanmax(x))] if len(x) else [0.0, 0.0]
-
-
-def runs(mask: Array, *labels: Array) -> Sequence[tuple[int, int]]:
-    """Runs [a, b) of True in which all labels stay the same."""
-    if not mask.any():
-        return []
-    change = np.diff(mask.astype(int)) != 0
-    for label in labels:
-        change |= (np.diff(label) != 0) & mask[1:] & mask[:-1]
-    edges = np.concatenate([[0], np.flatnonzero(change) + 1, [len(mask)]])
-    return [(int(a), int(b)) for a, b in pairwise(edges) if mask[a]]

@@ -16,8 +16,8 @@ import numpy as np
 
 from softnn.contracts import Array
 from softnn.mismatch.case import Case, to_data
-from softnn.mismatch.locate import BRANCHES, phases, runs
 from softnn.report.phrases import listed
+from softnn.state import BRANCHES, phases, runs
 
 if TYPE_CHECKING:
     from softnn.neural import Seen

@@ -14,17 +14,57 @@ from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
-from softnn.mismatch.case import HISTORIES, Case, to_data
 from softnn.models.units import BASES, Units
 from softnn.recording import Recording
 from softnn.simulate import Term, simulate
+from softnn.state import FEATURES, features
 
 if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
 
 VERSION = 1
 KIND, NETWORK = "softnn-model", "softnn-network"
+HISTORIES = ("fresh", "continued")
 LARGEST = 1e30  # of any number in a file: what is far beyond it is junk
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A stress, MPa, that a network adds: what no effect explains.
+
+    Kept to the ranges of its training: a slower or longer recording than any it knows
+    would have it extrapolate.
+    """
+
+    features: tuple[str, ...]  # of `softnn.state`
+    network: Any
+
+    def at(self, x: Array) -> Array:
+        """What the network says (n,) of features (n, d)."""
+        inputs, target = self.network.inputs, self.network.target
+        known = self.network.predict(np.clip(x, inputs.low, inputs.high))
+        return np.clip(known, target.low, target.high)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready; `from_dict` takes it back."""
+        return {"features": list(self.features), "network": self.network.to_dict()}
+
+    @classmethod
+    def from_dict(cls, given: Any) -> Correction:
+        """Raises `InputError` for features that are not known, or are not as many."""
+        from softnn.neural import Network
+
+        known = (*FEATURES, "temperature_C")
+        names = given["features"]
+        if not isinstance(names, list) or not set(names) <= set(known):
+            raise InputError(f"learned: features are {names!r}; allowed: {list(known)}")
+        network = Network.from_dict(given["network"])
+        if len(network.inputs.low) != len(names):
+            raise InputError(
+                f"learned: a network of {len(network.inputs.low)} inputs, and "
+                f"{len(names)} features"
+            )
+        return cls(tuple(names), network)
 
 
 @dataclass(frozen=True)
@@ -41,7 +81,7 @@ class Stored:
     own: tuple[dict[str, dict[str, float]], ...]
     needs_simulated: bool
     history: str
-    learned: dict[str, Any] | None = None
+    learned: Correction | None = None
     simulation: Stored | StoredNetwork | None = None
     source: dict[str, Any] | None = None  # as the file holds it
     axes: Axes = SPECIMEN  # what its strain and MPa are
@@ -56,8 +96,7 @@ class Stored:
         model that corrects a simulation from elsewhere.
         """
         common({"the model": self.axes, recording.name: recording.axes})
-        (chunk,) = to_data(Case("", (recording,))).chunks
-        return self.stress([recording.name], [chunk], [simulated_MPa])[0]
+        return self.stress([recording.name], [recording.history], [simulated_MPa])[0]
 
     def stress(
         self,
@@ -107,15 +146,10 @@ class Stored:
                     )
                 out[i] = out[i] + given - plain[i]
         if self.learned is not None:
-            from softnn.mismatch.learn import features, within
-            from softnn.neural import Network
-
-            network = Network.from_dict(self.learned["network"])
-            names_ = tuple(self.learned["features"])
-            out = [
-                o + within(network, features(c, names_))
-                for o, c in zip(out, chunks, strict=True)
-            ]
+            for i, chunk in enumerate(chunks):
+                out[i] = out[i] + self.learned.at(
+                    features(chunk, self.learned.features)
+                )
         return out
 
 
@@ -124,7 +158,7 @@ def to_dict(
     recordings: Sequence[str],
     history: str,
     needs_simulated: bool,
-    learned: Mapping[str, Any] | None = None,
+    learned: Correction | None = None,
     simulation: Mapping[str, Any] | None = None,
     axes: Axes = SPECIMEN,
 ) -> dict[str, Any]:
@@ -169,7 +203,7 @@ def to_dict(
             "corrects_simulated_MPa": needs_simulated,
         },
         "effects": effects,
-        "learned": None if learned is None else dict(learned),
+        "learned": None if learned is None else learned.to_dict(),
         "simulation": None if simulation is None else dict(simulation),
         **({"axes": axes.to_dict()} if axes.component else {}),
     }
@@ -249,8 +283,7 @@ def _stored(data: Any) -> Stored:
     history = str(data["history"])
     if history not in HISTORIES:
         raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
-    _check_learned(data.get("learned"))
-    inner = data.get("simulation")
+    learned, inner = data.get("learned"), data.get("simulation")
     return Stored(
         units,
         stiffness,
@@ -258,7 +291,7 @@ def _stored(data: Any) -> Stored:
         tuple(own),
         bool(base.get("corrects_simulated_MPa", False)),
         history,
-        data.get("learned"),
+        None if learned is None else Correction.from_dict(learned),
         None if inner is None else from_dict(inner),
         data,
         Axes.from_dict(data.get("axes")),
@@ -275,21 +308,3 @@ def _own(law: Effect, given: Mapping[str, Any]) -> dict[str, dict[str, float]]:
         out[name] = {recording: float(x) for recording, x in values.items()}
         declared[name].check(list(out[name].values()))
     return out
-
-
-def _check_learned(given: Any) -> None:
-    if given is None:
-        return
-    from softnn.mismatch.learn import FEATURES
-    from softnn.neural import Network
-
-    known = (*FEATURES, "temperature_C")
-    names = given["features"]
-    if not isinstance(names, list) or not set(names) <= set(known):
-        raise InputError(f"learned: features are {names!r}; allowed: {list(known)}")
-    network = Network.from_dict(given["network"])
-    if len(network.inputs.low) != len(names):
-        raise InputError(
-            f"learned: a network of {len(network.inputs.low)} inputs, and {len(names)} "
-            "features"
-        )
