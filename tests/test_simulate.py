@@ -8,7 +8,7 @@ import pandas as pd
 from softnn.cli import main
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
-from softnn.mismatch.model_file import to_dict
+from softnn.model_file import to_dict
 from softnn.models.units import Units
 
 UNITS = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.4, 8.0))
