@@ -14,13 +14,7 @@ from typing import Any
 from softnn.contracts import InputError
 from softnn.neural import PUBLISHED
 from softnn.search import Finished, Range, Value
-from softnn.study.common import (
-    guarded,
-    markdown,
-    percent,
-    save_figure,
-    write_result,
-)
+from softnn.study.common import guarded, markdown, percent, save_figure, write_result
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     SPLITS,

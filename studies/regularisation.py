@@ -15,13 +15,7 @@ from typing import Any
 
 from softnn.contracts import InputError
 from softnn.search import Range, Value
-from softnn.study.common import (
-    guarded,
-    markdown,
-    percent,
-    save_figure,
-    write_result,
-)
+from softnn.study.common import guarded, markdown, percent, save_figure, write_result
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     Places,

@@ -9,12 +9,8 @@ from typing import Any
 import numpy as np
 
 from softnn.search import Finished
-from softnn.study.common import (
-    percent,
-)
-from softnn.study.settings import (
-    Settings,
-)
+from softnn.study.common import percent
+from softnn.study.settings import Settings
 
 ENOUGH = 0.999  # R2 above which the thesis takes the fewest neurons
 
