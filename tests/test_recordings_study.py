@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bench.recordings import faults, groups, predict, reporting, sets, trial
-from bench.recordings.reporting import Row, agreement, fault_scores, met, rate
+from bench.recordings.rows import Row, agreement, fault_scores, met, rate
 from softnn import Recording
 from softnn.contracts import Chunk, InputError
 from softnn.database import Store

@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softnn.study.common import (
-    COLOURS,
-    FAINT,
-    new_figure,
-)
-from softnn.study.settings import (
-    Settings,
-)
+from softnn.study.common import COLOURS, FAINT, new_figure
+from softnn.study.settings import Settings
 from softnn.study.sweep import WHAT
 
 if TYPE_CHECKING:
