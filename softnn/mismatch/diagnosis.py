@@ -107,7 +107,7 @@ class Diagnosis:
 
     def save(self, folder: str | Path) -> Path:
         """Write diagnosis.json, model.json, base.json and the report into `folder`."""
-        from softnn.mismatch.commands import write
+        from softnn.json_file import write
 
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)

@@ -114,16 +114,15 @@ def regions(
     position = np.flatnonzero(engine.valid)
     for r, chunk in enumerate(engine.chunks):
         own = engine.owner == r
-        local = position[own] - engine.data.starts[r]
+        local, by = position[own] - engine.data.starts[r], moved[own]
         ph = phases(chunk)
         time, strain = engine.data.chunks[r].time_s, chunk.strain
         for a, b in runs(mask[own], ph.branch[local], ph.cycle[local]):
             i, j = local[a], local[b - 1]
-            part = moved[own][a:b]
             lapse = np.maximum(np.diff(time[i : j + 1]), 1e-12)
             rate = np.diff(strain[i : j + 1]) / lapse
             # Measured below the simulation, counted away from zero stress: too stiff.
-            side = float(np.sum(part * np.sign(strain[local[a:b]] + 1e-300)))
+            side = float(np.sum(by[a:b] * np.sign(strain[local[a:b]] + 1e-300)))
             region = {
                 "recording": engine.data.names[r],
                 "start_s": float(time[i]),
@@ -133,7 +132,7 @@ def regions(
                 axes.strain.column: _ends(strain[i : j + 1] * axes.strain.one),
                 axes.rate_key: _ends(rate * axes.strain.one),
                 "sign": "simulation too stiff" if side < 0 else "simulation too soft",
-                "share": float(np.sum(part**2) / total),
+                "share": float(np.sum(by[a:b] ** 2) / total),
             }
             warm = chunk.temperature_C
             if warm is not None and np.isfinite(warm[i : j + 1]).any():
