@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import re
 import sys
 from collections.abc import Sequence
@@ -72,8 +71,8 @@ def _add_rerun(commands: argparse._SubParsersAction) -> None:
 
 
 def _run_rerun(arguments: argparse.Namespace) -> int:
-    # By name: softnn knows nothing of the studies, which are installed beside it.
-    rerun = importlib.import_module("studies.rerun")
+    from softnn.study import rerun
+
     where = ["--tracking", arguments.tracking] if arguments.tracking else []
     return int(rerun.main([arguments.run_id, *where]))
 

@@ -9,25 +9,20 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from softnn.contracts import InputError
 from softnn.neural import PUBLISHED
 from softnn.search import Finished, Range, Value
-from studies.common import (
-    COLOURS,
-    FAINT,
+from softnn.study.common import (
     guarded,
     markdown,
-    new_figure,
     percent,
     save_figure,
     write_result,
 )
-from studies.material_data import Data, prepared
-from studies.settings import (
+from softnn.study.material_data import Data, prepared
+from softnn.study.settings import (
     SPLITS,
     Places,
     Settings,
@@ -36,10 +31,8 @@ from studies.settings import (
     smoked,
     study_parser,
 )
-from studies.sweep import WHAT, Sweep, headline_of_all, trial_entry
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from softnn.study.sweep import WHAT, Sweep, headline_of_all, trial_entry
+from studies.shown.inputs import draw
 
 # Table 6.4 of the thesis.
 DEFAULTS = Settings(neurons=(20,), fraction=0.1)
@@ -145,43 +138,6 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
         "seconds": seconds,
         "study_key": sweep.key,
     }
-
-
-def draw(found: Sequence[dict[str, Any]], settings: Settings) -> Figure:
-    """Generalisation error of each architecture, a panel a material."""
-    columns = min(len(found), 4)
-    rows = -(-len(found) // columns)
-    figure = new_figure(max(4.8, 2.4 * columns), 2.6 * rows + 0.4)
-    panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False).ravel())
-    for axes in panels[len(found) :]:
-        axes.set_visible(False)
-    for axes, one in zip(panels, found, strict=False):
-        trials = [t for t in one["trials"] if t["split"] == settings.split]
-        names = [t["inputs"] for t in trials]
-        height = [100 * t["generalisation_error"] for t in trials]
-        best = int(np.argmin(height))
-        axes.bar(
-            names,
-            height,
-            width=0.6,
-            color=[COLOURS[1] if i == best else COLOURS[0] for i in range(len(names))],
-        )
-        for i, t in enumerate(trials):
-            folds = 100 * np.array(t["nrmse"])
-            axes.plot(np.full(len(folds), i), folds, ".", color="#222222", markersize=3)
-        axes.set_title(one["material"])
-        axes.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
-        axes.tick_params(axis="x", labelsize=7)
-    panels[0].set_ylabel(f"NRMSE [%], {WHAT[settings.split]}")
-    source = "virtual specimens" if settings.data == "virtual" else settings.data
-    figure.suptitle(
-        f"{source}: {settings.neurons[0]} neurons, {settings.fraction:.0%} of the "
-        "samples; bar: mean, dots: folds",
-        fontsize=9,
-        x=0.01,
-        ha="left",
-    )
-    return figure
 
 
 if __name__ == "__main__":

@@ -13,25 +13,29 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from softnn import json_file
 from softnn.contracts import InputError
+from softnn.json_file import plain
 from softnn.search import Finished, Value
-from studies.baselines import piecewise_baselines
-from studies.common import (
-    guarded,
-    markdown,
-    percent,
-    plain,
-    save_figure,
-    write_result,
+from softnn.study.baselines import piecewise_baselines
+from softnn.study.choice import configuration, fewest, pick, text_of_choice
+from softnn.study.common import guarded, markdown, save_figure, write_result
+from softnn.study.material_data import Data, prepared
+from softnn.study.settings import (
+    SPLITS,
+    Places,
+    Settings,
+    places_of,
+    settings_of,
+    smoked,
+    study_parser,
 )
-from studies.material_data import Data, prepared
-from studies.neurons_report import (
+from softnn.study.sweep import Sweep, headline_of_all, trial_entry
+from studies.shown.neurons import (
     CHOSEN,
     FEW,
     HEADER,
@@ -44,18 +48,7 @@ from studies.neurons_report import (
     notes,
     printed,
 )
-from studies.settings import (
-    SPLITS,
-    Places,
-    Settings,
-    places_of,
-    settings_of,
-    smoked,
-    study_parser,
-)
-from studies.sweep import Sweep, headline_of_all, trial_entry
 
-ENOUGH = 0.999  # R2 above which the thesis takes the fewest neurons
 BEST = Path(__file__).parent / "best"
 REPORTED = ("random", "specimen", "rate")
 
@@ -194,48 +187,12 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
     }
 
 
-def pick(grid: Sequence[Finished]) -> Finished:
-    """The thesis's rule: fewest neurons with R2 above 99.9 %, else the largest R2."""
-    enough = [t for t in grid if t.result["r2_mean"] > ENOUGH]
-    if enough:
-        return min(enough, key=lambda t: t.parameters["neurons"])
-    return max(grid, key=lambda t: (t.result["r2_mean"], -t.parameters["neurons"]))
-
-
-def fewest(grid: Sequence[Finished]) -> Finished:
-    """Fewest neurons with a mean R2 within one standard error of the largest."""
-    largest = max(grid, key=lambda t: t.result["r2_mean"])
-    spread = np.std(largest.result["r2"], ddof=1) / np.sqrt(len(largest.result["r2"]))
-    enough = largest.result["r2_mean"] - spread
-    able = [t for t in grid if t.result["r2_mean"] >= enough]
-    return min(able, key=lambda t: t.parameters["neurons"])
-
-
-def text_of_choice(best: Finished) -> str:
-    """The choice and its reason, in a line."""
-    count, r2 = best.parameters["neurons"], best.result["r2_mean"]
-    why = "fewest with R2 above 99.9 %" if r2 > ENOUGH else "largest R2"
-    return f"{count} neurons ({why}: {percent(r2, 3)})"
-
-
 def piecewise(data: Data) -> dict[str, Any]:
     """The piecewise-linear models on the same data, or why they cannot be fitted."""
     try:
         return plain(piecewise_baselines(data.tensile, data.relaxation))
     except InputError as reason:
         return {"not_possible": str(reason)}
-
-
-def configuration(best: Finished, settings: Settings) -> dict[str, Any]:
-    """What is needed to train the best network again, and what it then reaches."""
-    wanted = replace(settings, neurons=(best.parameters["neurons"],))
-    return {
-        "settings": asdict(wanted),
-        "generalisation_error": best.value,
-        "nrmse": best.result["nrmse"],
-        "r2_mean": best.result["r2_mean"],
-        "gamma_mean": float(np.mean(best.result["gamma"])),
-    }
 
 
 def keep(found: dict[str, Any], data: Data, settings: Settings) -> Path:
@@ -245,7 +202,7 @@ def keep(found: dict[str, Any], data: Data, settings: Settings) -> Path:
     best = found["best"]
     best["settings"]["material"] = data.material
     content = {"data_sha256": data.digest, **best}
-    path.write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
+    json_file.write(path, content)
     print(f"kept: {path}")
     return path
 

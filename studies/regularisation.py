@@ -11,24 +11,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from softnn.contracts import InputError
-from softnn.search import Finished, Range, Value
-from studies.common import (
-    COLOURS,
-    FAINT,
+from softnn.search import Range, Value
+from softnn.study.common import (
     guarded,
     markdown,
-    new_figure,
     percent,
     save_figure,
     write_result,
 )
-from studies.material_data import Data, prepared
-from studies.settings import (
+from softnn.study.material_data import Data, prepared
+from softnn.study.settings import (
     Places,
     Settings,
     places_of,
@@ -36,10 +31,8 @@ from studies.settings import (
     smoked,
     study_parser,
 )
-from studies.sweep import WHAT, Sweep, headline_of_all, trial_entry
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from softnn.study.sweep import Sweep, headline_of_all, trial_entry
+from studies.shown.regularisation import _gamma, _key, _name, draw
 
 DEFAULTS = Settings(neurons=(20,), fraction=0.1)
 WEIGHTS = Range(1e-10, 1e-1, log=True)
@@ -161,66 +154,6 @@ def study(
         "seconds": seconds,
         "study_key": sweep.key,
     }
-
-
-def _name(way: Finished) -> str:
-    weight = way.parameters.get("weight")
-    return way.parameters["regularisation"] + (f", {weight:.3g}" if weight else "")
-
-
-def _gamma(way: Finished) -> str:
-    gamma = np.array(way.result["gamma"], float)
-    mean = f"{gamma.mean():.1f}" if np.isfinite(gamma).all() else "-"
-    return f"{mean} of {way.result['parameters']}"
-
-
-def _key(name: str) -> str:
-    return name.replace("-", "_")
-
-
-def draw(
-    data: Data,
-    settings: Settings,
-    ways: Mapping[str, Finished],
-    tried: Sequence[Finished],
-) -> Figure:
-    """Generalisation error against the L2 weight, the other two as lines."""
-    figure = new_figure(5.2, 3.2)
-    axes = figure.subplots()
-    weights = np.array([t.parameters["weight"] for t in tried])
-    errors = 100 * np.array([t.value for t in tried])
-    order = np.argsort(weights)
-    axes.loglog(weights[order], errors[order], "-", color=COLOURS[0], alpha=0.4)
-    axes.loglog(weights, errors, "o", color=COLOURS[0], markersize=4, label="L2 trials")
-    best = ways["l2"]
-    axes.plot(
-        best.parameters["weight"],
-        100 * best.value,
-        "o",
-        markersize=11,
-        markerfacecolor="none",
-        markeredgecolor=COLOURS[1],
-        markeredgewidth=1.8,
-        label=f"best L2 weight, {best.parameters['weight']:.1e}",
-    )
-    for name, colour, dashes in (
-        ("bayesian", COLOURS[2], "-"),
-        ("early-stopping", COLOURS[3], "--"),
-    ):
-        axes.axhline(100 * ways[name].value, color=colour, linestyle=dashes, label=name)
-    low, high = axes.get_ylim()
-    ticks = [t for t in (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 100) if low <= t <= high]
-    axes.set_yticks(ticks, [f"{t}" for t in ticks])
-    axes.minorticks_off()
-    axes.set_xlabel("L2 weight (normalised units)")
-    axes.set_ylabel(f"NRMSE [%], {WHAT[settings.split]}")
-    axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    axes.set_title(
-        f"{data.label}: {settings.neurons[0]} neurons, "
-        f"{settings.fraction:.0%} of the samples"
-    )
-    axes.legend(fontsize=8)
-    return figure
 
 
 if __name__ == "__main__":
