@@ -262,7 +262,7 @@ def test_a_bounded_network_keeps_its_sign_and_agrees_over_many_samples(pulls, tm
     (want,) = model.stress([""], [Chunk(time, strain)], [None])
     assert_same(got, want)
     assert (got.min() >= 0) if pulls else (got.max() <= 0)
-    assert 0.05 < np.mean(got == 0) < 0.95  # it is not zero throughout
+    assert 0 < np.mean(got == 0) < 1  # it is not zero throughout
 
 
 @pytest.mark.parametrize("architecture", ["FFRD4S", "RBF"])

@@ -26,9 +26,10 @@ def fit_samples(
     seeds: Sequence[int],
     regularisation: Regularisation = BAYESIAN,
     settings: Settings = DEFAULTS,
+    starts: int = 1,
     threads: int | None = None,
 ) -> list[Trained]:
-    """Networks on rows of samples, tanh or Gaussian units; see `train`."""
+    """Networks on rows of samples, tanh or Gaussian units (one start); see `train`."""
     row = architecture_of(architecture)
     if row.radial:
         return train_radial(
@@ -47,6 +48,7 @@ def fit_samples(
         seeds=seeds,
         regularisation=regularisation,
         settings=settings,
+        starts=starts,
         threads=threads,
     )
     return [replace(one, network=row.network(**vars(one.network))) for one in trained]
