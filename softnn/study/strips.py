@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,13 +24,11 @@ from softnn.models.units import Units
 from softnn.motor import Strip
 from softnn.neural import Seen, StoredNetwork, samples, train
 from softnn.recording import Recording
-from studies.shown.actuator import Row
 
 NAME, STEP_S = "NatPolR", 1e-3
-
 NEURONS = 13  # Table 6.6
-
 SEGMENTS, BRANCHES = 12, 8
+Row = dict[str, Any]
 
 
 @dataclass
