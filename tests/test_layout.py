@@ -22,11 +22,12 @@ ORDER = (
         "bounded",
         "workers",
         "database",
+        "state",
     ),
     ("plausible", "readers", "prepare", "virtual", "models", "effects", "neural"),
-    ("properties", "simulate"),
+    ("properties", "simulate", "datasets"),
     ("fit",),
-    ("crossval",),
+    ("crossval", "model_file"),
     ("search", "tracking", "report"),
     ("mismatch",),
     ("export", "motor"),
@@ -38,7 +39,7 @@ RANK = {name: i for i, row in enumerate(ORDER) for name in row}
 
 # One home for each heavy dependency: whoever replaces it edits one place.
 HOMES = {"optuna": "search", "mlflow": "tracking", "torch": "neural", "onnx": "export"}
-HOMES |= {"plotly": "report", "jinja2": "report"}
+HOMES |= {"plotly": "report", "jinja2": "report", "pooch": "datasets"}
 
 
 def modules(folder: Path) -> list[Path]:

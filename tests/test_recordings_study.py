@@ -19,7 +19,7 @@ from softnn.database import Store
 from softnn.effects import effect
 from softnn.fit import Guess
 from softnn.mismatch import Case
-from softnn.mismatch.model_file import to_dict
+from softnn.model_file import to_dict
 from softnn.models.units import Units
 from softnn.readers.tidy import data_folder
 from softnn.simulate import Term, simulate

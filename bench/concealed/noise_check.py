@@ -28,7 +28,7 @@ def whitened(
     """Mean square of each recording's noise, whitened as softnn estimates it."""
     found = []
     measured = [c + n for c, n in zip(clean_MPa, noise, strict=True)]
-    estimates = estimate(noise, measured, time_s)
+    estimates = estimate(noise, measured, time_s, whole=True)
     for one, z, clean, time in zip(estimates, noise, clean_MPa, time_s, strict=True):
         apart = np.abs(time[:, np.newaxis] - time)
         correlation = np.diag(np.full(len(time), 1 - sum(w for w, _ in one.memory)))

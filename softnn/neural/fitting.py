@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,7 +29,8 @@ def fit_samples(
     threads: int | None = None,
 ) -> list[Trained]:
     """Networks on rows of samples, tanh or Gaussian units; see `train`."""
-    if architecture_of(architecture).radial:
+    row = architecture_of(architecture)
+    if row.radial:
         return train_radial(
             known.inputs,
             known.target,
@@ -37,7 +39,7 @@ def fit_samples(
             seeds=seeds,
             regularisation=regularisation,
         )
-    return train(
+    trained = train(
         known.inputs,
         known.target,
         neurons=neurons,
@@ -47,6 +49,7 @@ def fit_samples(
         settings=settings,
         threads=threads,
     )
+    return [replace(one, network=row.network(**vars(one.network))) for one in trained]
 
 
 def run(

@@ -16,7 +16,7 @@ from softnn.effects import effect
 from softnn.export.compiled import Compiled
 from softnn.export.files import stored_of
 from softnn.fit import Piece
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.models import Hooke
 from softnn.models.fit_piecewise import fit_jointly
 from softnn.models.segments import Equal

@@ -293,17 +293,17 @@ def write_all(
     **body: Any,
 ) -> dict[str, Any]:
     """Write the result of a study of several materials: headline and materials."""
-    made = {"headline": headline_of_all(found), "materials": found}
+    headline = headline_of_all(found)
     path = write_result(
         settings.file_name(study),
-        made["headline"],
+        headline,
         {"settings": asdict(settings), **body, "materials": found},
         seed=settings.seed,
         data={one["label"]: one["data_sha256"] for one in found},
         folder=places.results,
     )
     print(f"result: {path}; runs: {places.tracking}")
-    return made
+    return {"headline": headline, "materials": found}
 
 
 def headline_of_all(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
