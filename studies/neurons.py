@@ -94,20 +94,17 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             networks[shown.FEW] = enough
             sweep.expect(len(others))
         judged: dict[str, dict[str, Finished | str]] = {}
-        for name, one in networks.items():
-            count = one.parameters["neurons"]
-            judged[name] = {settings.split: one}
+        for kind, one in networks.items():
+            judged[kind] = {settings.split: one}
             for split in others:
-                judged[name][split] = sweep.possible(split) or sweep.run(
-                    neurons=count, split=split
+                judged[kind][split] = sweep.possible(split) or sweep.run(
+                    neurons=one.parameters["neurons"], split=split
                 )
         baselines = piecewise(data)
         rows = shown.comparison(data, judged, baselines)
-        figure_of = save_figure(
-            shown.draw(data, settings, grid, best),
-            f"{settings.file_name('neurons')}-{data.file_name}",
-            places.results,
-        )
+        name = f"{settings.file_name('neurons')}-{data.file_name}"
+        figure = shown.draw(data, settings, grid, best)
+        files = save_figure(figure, name, places.results)
         text = markdown(shown.HEADER, [shown.printed(row) for row in rows])
         headline = shown.headline_of(judged, baselines)
         network = sweep.trainer.whole(best.parameters)
@@ -122,7 +119,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             {k: v for k, v in headline.items() if isinstance(v, int | float)}
             | {"nrmse": best.value, "r2": best.result["r2_mean"]},
             note=f"**{data.label}**\n\n{text}\n\n{shown.note_on(data)}",
-            files=figure_of,
+            files=files,
             texts={
                 "comparison.csv": shown.as_csv(rows),
                 "neurons.csv": shown.as_csv([shown.count_row(t) for t in grid]),

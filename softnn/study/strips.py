@@ -25,12 +25,10 @@ from softnn.motor import Strip
 from softnn.neural import Seen, StoredNetwork, samples, train
 from softnn.recording import Recording
 
-Row = dict[str, Any]
 NAME, STEP_S = "NatPolR", 1e-3
-
 NEURONS = 13  # Table 6.6
-
 SEGMENTS, BRANCHES = 12, 8
+Row = dict[str, Any]
 
 
 @dataclass

@@ -18,7 +18,6 @@ from dataclasses import asdict
 from datetime import datetime
 from functools import cache
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -127,15 +126,10 @@ class Sweep:
     def __enter__(self) -> Sweep:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:
         self._bar.close()
-        self.tracker.__exit__(kind, error, trace)
-        self.search.__exit__(kind, error, trace)
+        self.tracker.__exit__(*error)
+        self.search.__exit__(*error)
 
     def possible(self, split: str) -> str | None:
         """None if the data can be split so, else why not."""
