@@ -19,11 +19,11 @@ from softnn.contracts import InputError
 from softnn.neural import ARCHITECTURES
 from softnn.neural import Settings as Training
 from softnn.search import Range, Result, Search, Value
+from softnn.study.material_data import Data
+from softnn.study.settings import Settings
+from softnn.study.trainer import Trainer
 from softnn.workers import workers
 from studies.architectures_report import front
-from studies.material_data import Data
-from studies.settings import Settings
-from studies.trainer import Trainer
 
 TRAINING = Training(epochs=100)  # most settle in 50; the rest gain little by 1000
 WEIGHTS = Range(1e-8, 1.0, log=True)

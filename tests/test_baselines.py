@@ -13,8 +13,7 @@ from softnn.contracts import Chunk, InputError
 from softnn.materials import MATERIALS, table
 from softnn.models import PLSLS, Maxwell
 from softnn.recording import Recording
-from studies import accuracy, rates, segments
-from studies.baselines import (
+from softnn.study.baselines import (
     best,
     choices,
     hold_of,
@@ -25,7 +24,8 @@ from studies.baselines import (
     softened,
     variants,
 )
-from studies.piecewise import cases
+from softnn.study.piecewise import cases
+from studies import accuracy, rates, segments
 
 PLANTED = {
     "spring_1": 2.0,

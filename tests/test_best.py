@@ -10,9 +10,9 @@ import pytest
 
 import studies
 from softnn.metrics import nrmse
-from studies.material_data import prepared
-from studies.settings import Settings
-from studies.trainer import Trainer
+from softnn.study.material_data import prepared
+from softnn.study.settings import Settings
+from softnn.study.trainer import Trainer
 
 FILES = sorted((Path(studies.__path__[0]) / "best").glob("*.json"))
 CHEAPEST = "NatPolR"  # 7,229 samples: a fold of it trains in a second

@@ -17,7 +17,7 @@ from softnn.export.files import Options, export, stored_of, write
 from softnn.export.source import c_source
 from softnn.export.templates_of import FOLDER, blocks, identifier
 from softnn.fit import Piece
-from softnn.mismatch.model_file import Stored, read_model
+from softnn.model_file import Stored, read_model
 from softnn.models import (
     PLSLS,
     Burgers,

@@ -7,7 +7,7 @@ import numpy as np
 import softnn
 from softnn.contracts import InputError
 from softnn.export.network import stepped
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.neural import BoundedNetwork, StoredNetwork
 from softnn.neural.guard import SLACK
 from softnn.neural.inputs import FILTER_S

@@ -11,7 +11,7 @@ with G what the best hypothesis gains over nothing. For small differences it is 
 likelihood to a power k / (s + r G), less the more is explained (Miller and Dunson 2019,
 doi:10.1080/01621459.2018.1469995); for large ones it grows as a power only, as odds do
 under an error of Student's kind. The constants are fitted by maximum likelihood to
-development cases (`studies.calibrate`). Names, verdict and equivalents are all read off
+development cases (`bench.calibrate`). Names, verdict and equivalents are all read off
 these probabilities.
 """
 
