@@ -21,7 +21,7 @@ from softnn.mismatch.posterior import (
 )
 
 N = 400
-HAND = Constants(2.0, 1.0, 4.0, 0.05, 1.0, 2.0, 0.25, 3.0, 4.0)
+HAND = Constants(2.0, 1.0, 4.0, 0.5, 1.0, 2.0, 0.25, 3.0, 4.0)
 
 
 def account(*names, alone=0.0, beside=0.0, numbers=0, own=False):
@@ -49,18 +49,18 @@ def test_features_are_counted():
 TABLE = np.array(
     [
         [100.0, 0, 0, 0, 0, 0, 0],  # nothing
-        [120.0, 0, 0, 0, 0, 1, 0],  # something on no list
-        [181.0, 1, 1, 0, 1, 0, 0],  # an effect of several recordings, one number
-        [170.0, 0, 1, 1, 0, 1, 1],  # two, and something else
+        [136.0, 0, 0, 0, 0, 1, 0],  # something on no list
+        [165.0, 1, 1, 0, 1, 0, 0],  # an effect of several recordings, one number
+        [149.0, 0, 1, 1, 0, 1, 1],  # two, and something else
     ]
 )
 COSTS = np.array([0.0, 3.0, 1.25, 10.0])
 
 
 def test_probabilities_of_a_small_table():
-    # The best gains 80: an error of 4 + 0.05 x 80 = 8 nats, and the others are behind
-    # it by 80, 60, 0 and 10.
-    weight = np.exp(-COSTS) * np.array([11.0, 8.5, 1.0, 2.25]) ** -2
+    # They gain 0, 36, 64 and 49: errors of 4, 7, 8 and 7.5 nats, and are behind the
+    # best by 64, 28, 0 and 15.
+    weight = np.exp(-COSTS) * np.array([17.0, 5.0, 1.0, 3.0]) ** -2
     found = probabilities(TABLE, HAND)
     np.testing.assert_allclose(found, weight / weight.sum(), atol=1e-12)
 
@@ -73,10 +73,21 @@ def odds(gain, constants=HAND):
     return np.log(effect_ / nothing)
 
 
-def test_what_is_gained_without_end_says_no_more_than_a_limit():
-    assert odds(1e12) == pytest.approx(2 * np.log(1 + 1 / 0.05) - 1, rel=1e-6)
+def test_odds_grow_as_a_power_of_what_is_gained():
+    assert odds(4e12) == pytest.approx(2 * np.log(1e12) - 1, rel=1e-9)
     # And what gains nothing costs what it costs.
     assert odds(0.0) == pytest.approx(-1.0)
+
+
+def test_the_same_lead_says_less_where_both_gain_much():
+    def lead(gain):
+        rows = np.zeros((3, 7))
+        rows[1:, 0], rows[1:, 2] = [gain, gain + 12.0], 1.0
+        _, second, first = probabilities(rows, HAND)
+        return first / second
+
+    assert lead(64.0) == pytest.approx((1 + 12 / 8) ** 2)
+    assert lead(6400.0) == pytest.approx((1 + 12 / 44) ** 2)
 
 
 def test_a_small_gain_counts_as_its_likelihood_to_a_power():

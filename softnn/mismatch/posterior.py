@@ -3,12 +3,14 @@ r"""One posterior over all that was tried: which effects, if any, and what else.
 A hypothesis is a set of effects, alone or beside something that is on no list; the
 empty set alone is *nothing is missing*. Its value v is its log evidence less `number`
 log n / 2 for each number of its own. Every law is only nearly right, so that a value is
-wrong by an error with heavy tails, and by more where there is more to explain:
+wrong by an error with heavy tails, and by more where it explains more:
 
-.. math:: P(S) \propto e^{-\pi(S)} \left(1 + \frac{v_{max} - v(S)}{s + r\,G}\right)^{-k}
+.. math:: P(S) \propto e^{-\pi(S)}
+          \left(1 + \frac{v_{max} - v(S)}{s + r\sqrt{g(S)}}\right)^{-k}
 
-with G what the best hypothesis gains over nothing. For small differences it is the
-likelihood to a power k / (s + r G), less the more is explained (Miller and Dunson 2019,
+with g what the hypothesis itself gains over nothing, whose logarithm of likelihood has
+a standard deviation of sqrt(2 g). For small differences it is the likelihood to a
+power, less the more is explained (Miller and Dunson 2019,
 doi:10.1080/01621459.2018.1469995); for large ones it grows as a power only, as odds do
 under an error of Student's kind. The constants are fitted by maximum likelihood to
 development cases (`bench.calibrate`). Names, verdict and equivalents are all read off
@@ -34,15 +36,15 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 2.98  # k
-    number: float = 0.592  # of (log n) / 2, the price of a number
-    error: float = 1.61  # s, nats
-    share: float = 0.0162  # r, of what the best gains
-    first: float = 3.87  # cost of any effect, nats
-    more: float = 3.0  # of each further one
-    several: float = 0.954  # of values of its own in several recordings
-    other: float = 2.57  # of something on no list
-    both: float = 7.48  # of that beside effects
+    tail: float = 3.03  # k
+    number: float = 0.506  # of (log n) / 2, the price of a number
+    error: float = 0.493  # s, nats
+    share: float = 0.371  # r, of the root of what is gained
+    first: float = 7.33  # cost of any effect, nats
+    more: float = 3.05  # of each further one
+    several: float = 0.729  # of values of its own in several recordings
+    other: float = 1.79  # of something on no list
+    both: float = 7.82  # of that beside effects
 
 
 CONSTANTS = Constants()
@@ -88,8 +90,8 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
     """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
     k = constants
     gain = table[:, 0] - k.number * table[:, 1]
-    best = float(gain.max())
-    behind = (best - gain) / (k.error + k.share * (best - float(gain[0])))
+    own = np.maximum(gain - gain[0], 0.0)
+    behind = (gain.max() - gain) / (k.error + k.share * np.sqrt(own))
     costs = np.array([k.first, k.more, k.several, k.other, k.both])
     log = -k.tail * np.log1p(behind) - table[:, 2:] @ costs
     weight = np.exp(log - log.max())
