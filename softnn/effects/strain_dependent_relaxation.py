@@ -24,7 +24,7 @@ class StrainDependentRelaxation(Effect):
     """
 
     stage = "material"
-    ports = ("branches",)
+    ports: tuple[str, ...] = ("branches",)
     parameters: tuple[Parameter, ...] = (
         Parameter(
             "growth",
