@@ -18,6 +18,7 @@ from softnn.materials import MATERIALS, table
 from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
 from studies.baselines import (
+    RULES,
     TOLERANCES,
     RelaxationTest,
     Variant,
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 
 # A set without relaxation tests may take branches from another of the same material.
 HOLDS = {"vhb4910-hossain2012-digitised": "vhb4910-zhao"}
-RULES = {"PL-SLS": "tau of the decaying part", "PL-Wiechert": "collocation"}
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,12 @@ from studies.baselines import (
     choices,
     described,
     jointly,
+    literal,
     rate_errors,
     softened,
 )
 from studies.common import COLOURS, FAINT, markdown, percent
-from studies.piecewise import RULES, Case, Work, carry_out, panels, speed_label
+from studies.piecewise import Case, Work, carry_out, panels, speed_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,8 +59,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
     shown: dict[str, Choice] = {}
     for model in MODELS:
         # As the thesis has it: one way to branches, the tolerance of least error.
-        literal = [c for c in found[thesis] if c.variant.rule == RULES[model]]
-        shown[model] = best(literal, model)
+        shown[model] = literal(found[thesis], model)
         any_reading = best(found[thesis], model)
         soft = best(soft_found, model)
         by_rate = {
