@@ -1,19 +1,21 @@
+# PYTHON_ARGCOMPLETE_OK
 """The `softnn` command: one function a subcommand, errors as one line, exit code 2."""
 
 from __future__ import annotations
 
 import argparse
-import importlib
 import re
 import sys
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
+import argcomplete
 import numpy as np
 
 from softnn import __version__
 from softnn.contracts import InputError, nearest
+from softnn.datasets.command import add_data
 from softnn.export.command import add_export
 from softnn.mismatch.commands import add_demo, add_diagnose, add_simulate
 from softnn.readers.arguments import add_options, options_of
@@ -34,7 +36,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     add_simulate(commands)
     add_export(commands)
     add_demo(commands)
+    add_data(commands)
     _add_rerun(commands)
+    argcomplete.autocomplete(parser)  # ends here where a shell asks
     words = sys.argv[1:] if argv is None else list(argv)
     try:
         if words and not words[0].startswith("-") and words[0] not in commands.choices:
@@ -72,8 +76,8 @@ def _add_rerun(commands: argparse._SubParsersAction) -> None:
 
 
 def _run_rerun(arguments: argparse.Namespace) -> int:
-    # By name: softnn knows nothing of the studies, which are installed beside it.
-    rerun = importlib.import_module("studies.rerun")
+    from softnn.study import rerun
+
     return int(rerun.command(arguments.run_id, arguments.tracking))
 
 

@@ -1,16 +1,20 @@
-"""SQLite files that are whole or not there, and a lock that dies with its owner."""
+"""SQLite files: whole or not there; rows that are finished; locks that die with us."""
 
 from __future__ import annotations
 
+import json
 import os
+import sqlite3
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
 from softnn.contracts import InputError
+from softnn.json_file import plain
 
 ALIVE_S = 2.0  # how long a lock is waited for that a living process holds
 DYING_S = 60.0  # or a dying one: memory is given back before locks are
@@ -44,6 +48,48 @@ def made_aside(file: Path, make: Callable[[Path], None]) -> None:
             Path(name).replace(file)
         finally:
             Path(name).unlink(missing_ok=True)
+
+
+class Store:
+    """Finished rows by name, on disk as soon as they are known: what is gone on with.
+
+    Use it as a context. Rows of other `code` than this are not seen. Raises
+    `InputError` for a file that is something else.
+    """
+
+    def __init__(self, path: Path, code: str = "", fresh: bool = False) -> None:
+        self.path, self.code = path, code
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if fresh:
+            path.unlink(missing_ok=True)
+        try:
+            self._base = sqlite3.connect(path, timeout=60)
+            self._base.execute(
+                "CREATE TABLE IF NOT EXISTS outcomes"
+                " (name TEXT, code TEXT, row TEXT, PRIMARY KEY (name, code))"
+            )
+        except sqlite3.DatabaseError as error:
+            raise InputError(f"{path} is no store of outcomes: {error}") from None
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._base.close()
+
+    def add(self, name: str, row: Mapping[str, Any]) -> None:
+        with self._base:
+            self._base.execute(
+                "INSERT OR REPLACE INTO outcomes VALUES (?, ?, ?)",
+                (name, self.code, json.dumps(plain(row))),
+            )
+
+    def rows(self) -> dict[str, dict[str, Any]]:
+        """All rows, by name."""
+        found = self._base.execute(
+            "SELECT name, row FROM outcomes WHERE code = ?", (self.code,)
+        )
+        return {name: json.loads(row) for name, row in found}
 
 
 class Lock:

@@ -1,9 +1,10 @@
-"""JSON as this package writes it: numpy numbers as Python's, no number as null."""
+"""JSON as this package writes it: arrays as lists, what is no number as null."""
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +14,18 @@ import numpy as np
 def plain(value: Any) -> Any:
     """The value in the types JSON has.
 
-    >>> plain({"a": np.float64(1), "b": (float("nan"), np.int64(2))})
-    {'a': 1.0, 'b': [None, 2]}
+    >>> plain({"a": np.array([1.0, np.nan]), "b": np.int64(2), 3: (True, None)})
+    {'a': [1.0, None], 'b': 2, '3': [True, None]}
     """
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
     if isinstance(value, float) and not np.isfinite(value):
         return None
-    return value
+    return value.as_posix() if isinstance(value, Path) else value
 
 
 def write(path: Path, value: Any) -> None:

@@ -1,21 +1,24 @@
 r"""Level, memory and grain of the noise of each recording, estimated from the data.
 
-A window of samples is taken as a cubic in time plus noise of some memory. Level and
-memory are those of greatest restricted likelihood (Patterson and Thompson 1971,
-doi:10.1093/biomet/58.3.545), which allows for the noise that the cubic takes up. The
-memory is one of a table: first-order (of so many samples, or of so many seconds), the
-same beside white noise, or 1/f-like, a sum of first-order parts with times a factor
-apart (Bernamont 1937). The
-recordings share it as far as none contradicts it; each has a level of its own, shrunk
-towards that of all by how well its windows know it (James and Stein 1961). Windows in
-which something else happens (a reversal, a slip) are rougher than the rest and are left
-out. Level may grow with the stress; a quantised channel adds step^2 / 12.
+Windows of samples are taken as a cubic in time plus noise of some first-order memory,
+of so many samples or of so many seconds. Level and memory are those of greatest
+restricted likelihood (Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), which
+allows for the noise that the cubic takes up. Each recording has a level of its own,
+shrunk towards that of all by how well its windows know it (James and Stein 1961).
+Windows in which something else happens (a reversal, a slip) are rougher than the rest
+and are left out. Level may grow with the stress; a quantised channel adds step^2 / 12.
+
+Windows know nothing of what is slower than they are. Where a simulation misses little,
+the spectrum of all it leaves does: a sum of white and first-order parts with times a
+factor apart, which 1/f noise is too (Bernamont 1937), their shares of greatest
+likelihood (Whittle 1953) by multiplicative steps (Fevotte and Idier 2011,
+doi:10.1162/NECO_a_00168).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -24,20 +27,20 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 
 from softnn.contracts import Array
 
-WINDOWS = (48, 192, 384)  # samples; long memory shows in the longer ones alone
+WINDOW = 48  # samples
 DEGREE = 3
 DISAGREE = 8.0  # of log-likelihood, beyond which recordings are not of one memory
 CALM = 0.8  # of the windows of a recording: the others may hold a reversal
 USUAL = 1.5  # times the median roughness, which no reversal need explain
-PREFERRED = 3.0  # of log-likelihood, by which noise of several parts must be better
 COARSE = 0.5  # of the variance, from which rounding is most of it
 ROUGH = 2.5  # times the expected variance: no window of noise has as much
 PHI = np.concatenate([[0.0], 1 - np.geomspace(0.95, 0.008, 26)])
-PINK = (0.6, 0.8, 1.0, 1.2, 1.4)  # powers of 1/f
-SLOW = np.geomspace(8, 400, 8)  # samples: times of a first-order part beside white
-BESIDE = (0.15, 0.3, 0.5, 0.7, 0.85)  # its share of the variance
-PARTS = np.geomspace(0.7, 5000, 10)  # samples: times of the parts of 1/f noise
-LONGEST = 0.3  # of a recording, the longest part of 1/f noise that it has
+LONGEST = 0.3  # of a recording, the longest memory that it can show
+APART = 4.0  # ratio of the times of the parts of a spectrum
+BETWEEN = APART ** np.array([-0.4, -0.3, -0.2, -0.1, 0.1, 0.2, 0.3, 0.4])
+PART = 2.0  # of log-likelihood, that a part must be worth: chance has it once in forty
+ROUNDS = 50  # of the steps to their shares
+FEWEST = 16  # samples of a spectrum
 TAUS = np.concatenate([[0.05], -1 / np.log(PHI[1:])])  # samples: times of PHI
 GROWTH = np.concatenate([[0.0], np.geomspace(0.03, 300, 18)])  # of variance, at peak
 
@@ -94,41 +97,24 @@ def quantum(values: Array) -> float:
 # -- memory ----------------------------------------------------------------------------
 
 
-def _pink(power: float) -> tuple[Array, Array]:
-    """Shares and times (samples) of the parts of 1/f noise."""
-    weight = PARTS ** (power - 1)
-    return weight / weight.sum(), PARTS
-
-
 @cache
-def _whiteners(length: int) -> tuple[list[Array], Array, Array]:
+def _whiteners(length: int) -> tuple[list[Array], Array]:
     """Of each memory: W (length - 4, length) with W y white and no cubic in it.
 
-    And the logarithms of the determinants that the restricted likelihood needs; the
-    correlation of a sample with the next.
+    And the logarithms of the determinants that the restricted likelihood needs.
     """
     t = np.linspace(-1, 1, length)
     trend = np.linalg.qr(np.vander(t, min(DEGREE, length // 4) + 1))[0]
     lag = np.arange(length)
-    out, extra, next_ = [], [], []
+    out, extra = [], []
     covariances = [p**lag if p else (lag == 0).astype(float) for p in PHI]
-    covariances += [
-        (w[:, None] * np.exp(-lag / tau[:, None])).sum(axis=0)
-        for w, tau in map(_pink, PINK)
-    ]
-    covariances += [
-        np.where(lag == 0, 1.0, share * np.exp(-lag / tau))
-        for share in BESIDE
-        for tau in SLOW
-    ]
     for covariance in covariances:
         low = cholesky(toeplitz(covariance), lower=True)
         q, r = np.linalg.qr(solve_triangular(low, trend, lower=True))
         inverse = solve_triangular(low, np.eye(length), lower=True)
         out.append(inverse - q @ (q.T @ inverse))
         extra.append(-np.log(np.diag(low)).sum() - np.log(np.abs(np.diag(r))).sum())
-        next_.append(covariance[1])
-    return out, np.array(extra), np.array(next_)
+    return out, np.array(extra)
 
 
 @dataclass(frozen=True)
@@ -151,9 +137,8 @@ class Windows:
         return mine & (rough <= usual)
 
 
-def _windows(
-    residuals: Sequence[Array], stresses: Sequence[Array], length: int
-) -> Windows | None:
+def _windows(residuals: Sequence[Array], stresses: Sequence[Array]) -> Windows | None:
+    length = WINDOW
     rows, level, owner = [], [], []
     for r, (residual, stress) in enumerate(zip(residuals, stresses, strict=True)):
         keep = np.isfinite(residual) & np.isfinite(stress)
@@ -167,7 +152,7 @@ def _windows(
     if not rows:
         return None
     y = np.concatenate(rows).T
-    whiteners, extra, _ = _whiteners(length)
+    whiteners, extra = _whiteners(length)
     degrees = length - min(DEGREE, length // 4) - 1
     left = np.array([((w @ y) ** 2).sum(axis=0) for w in whiteners])
     left = np.maximum(left, 1e-300)
@@ -214,56 +199,133 @@ def _shared(table: Array) -> tuple[int, float]:
 
 
 def _memory(
-    windows: Sequence[Windows], interval: Array, count: int, several: bool
+    windows: Windows, interval: Array
 ) -> tuple[Array, list[tuple[tuple[float, float], ...]]]:
-    """Row of the table (recordings,), as a float, and first-order parts of each.
-
-    `several`: whether it may have more than one part, the white one counted.
-    """
-    like = _by_recording(windows[0], count)
-    for longer in windows[1:]:
-        by = _by_recording(longer, count)
-        like = np.where((by != 0).any(axis=0), by, like)
-    first = len(PHI)
-    value, tau = _either(like[:first], TAUS, interval)
+    """Row of the table (recordings,), as a float, and the first-order part of each."""
+    tau = _either(_by_recording(windows, len(interval)), TAUS, interval)
     phi = np.exp(-1 / tau)
     phi = np.where(phi > 0.03, phi, 0.0)
-    rows = np.interp(phi, PHI, np.arange(first))
-    parts: list[tuple[tuple[float, float], ...]] = [
+    rows = np.interp(phi, PHI, np.arange(len(PHI)))
+    return rows, [
         ((1.0, float(t * step)),) if p > 0 else ()
         for p, t, step in zip(phi, tau, interval, strict=True)
     ]
-    if not several:
-        return rows, parts
-    value += PREFERRED
-    pink, at_pink = _shared(like[first : first + len(PINK)])
-    if at_pink > value:
-        weight, times = _pink(PINK[pink])
-        rows = np.full(count, float(first + pink))
-        parts = [tuple(zip(weight, times * step, strict=True)) for step in interval]
-        value = at_pink
-    first += len(PINK)
-    for share in BESIDE:
-        both, tau = _either(like[first : first + len(SLOW)], SLOW, interval)
-        if both > value + DISAGREE:
-            at = np.interp(np.log(tau), np.log(SLOW), np.arange(len(SLOW)))
-            rows, value = first + at, both
-            parts = [
-                ((share, float(t * step)),)
-                for t, step in zip(tau, interval, strict=True)
-            ]
-        first += len(SLOW)
-    return rows, parts
 
 
-def _either(like: Array, taus: Array, interval: Array) -> tuple[float, Array]:
+def _either(like: Array, taus: Array, interval: Array) -> Array:
     """Memory of as many samples, or of as many seconds: the likelier, in samples."""
     samples, at_samples = _shared(like)
     times, table = _in_seconds(like, taus, interval)
     second, at_second = _shared(table)
     if at_second >= at_samples:
-        return at_second, times[second] / interval
-    return at_samples, np.full(len(interval), taus[samples])
+        return times[second] / interval
+    return np.full(len(interval), taus[samples])
+
+
+# -- spectrum --------------------------------------------------------------------------
+
+
+def _spectral(
+    noise: Sequence[Noise],
+    residuals: Sequence[Array],
+    stresses: Sequence[Array],
+    interval: Array,
+) -> list[Noise]:
+    """The noise with memory and levels as the spectra of the residuals have them.
+
+    The parts are shared, with times in samples or in seconds, whichever is likelier.
+    """
+    spectra: list[Array] = []
+    for one, x, s in zip(noise, residuals, stresses, strict=True):
+        z = x / one.sigma(s)
+        z = z[np.isfinite(z)]
+        # What a fit takes up is missing from the lowest frequencies.
+        power = np.abs(np.fft.rfft(z - z.mean()))[2:] ** 2 / len(z)
+        good = len(z) >= FEWEST and 0 < power.sum() < np.inf
+        spectra.append(power if good else power[:0])
+    if not any(len(x) for x in spectra):
+        return list(noise)
+    samples = np.array([np.isfinite(x).sum() for x in residuals])
+    fits = []
+    for clock in (np.ones(len(interval)), interval):
+        low, high = 0.5 * clock.min(), LONGEST * float((samples * clock).max())
+        count = max(int(np.ceil(np.log(high / low) / np.log(APART))) + 1, 2)
+        times = np.geomspace(low, max(high, 2 * low), count)
+        fits.append((*_shares(spectra, times, clock), times, clock))
+    best = max(fits, key=lambda f: f[0])
+    share, times, clock = best[1], best[3], best[4]
+    if share.any():
+        for k in BETWEEN:
+            moved = k * times[share > 0]
+            fits.append((*_shares(spectra, moved, clock), moved, clock))
+        best = max(fits, key=lambda f: f[0])
+    _, share, level, times, clock = best
+    return [
+        replace(
+            one,
+            floor_MPa=float(one.floor_MPa * k),
+            share=float(one.share * k),
+            memory=tuple(
+                (float(w), float(t * u)) for w, t in zip(share, times, strict=True) if w
+            ),
+        )
+        for one, k, u in zip(noise, level, interval / clock, strict=True)
+    ]
+
+
+def _shares(
+    spectra: Sequence[Array], times: Array, clock: Array
+) -> tuple[float, Array, Array]:
+    """Log-likelihood, share of each part, and what each level is to be multiplied by.
+
+    `times` (parts,) in the unit of `clock` (recordings,), the time between samples.
+    """
+    count = np.array([len(x) for x in spectra])
+    some = np.flatnonzero(count)
+    shapes = []
+    for r in some:
+        angle = np.pi * np.arange(2, count[r] + 2)[:, None] / (count[r] + 1)
+        phi = np.exp(-clock[r] / times)
+        lines = (1 - phi**2) / (1 - 2 * phi * np.cos(angle) + phi**2)
+        shapes.append(np.concatenate([np.ones((count[r], 1)), lines], axis=1))
+    shape, power = np.concatenate(shapes), np.concatenate(spectra)
+    unit = max(float(power.mean()), 1e-300)
+    power = power / unit
+    count = count[some]
+    best = _weighted(shape, power, count, np.full(shape.shape[1], 1 / shape.shape[1]))
+    for k in reversed(range(1, shape.shape[1])):  # the slowest first
+        fewer = best[1].copy()
+        fewer[k] = 0.0
+        without = _weighted(shape, power, count, fewer)
+        if without[0] > best[0] - PART:
+            best = without
+    like, weight, level = best
+    changed = np.full(len(spectra), np.exp(np.log(level).mean()))
+    changed[some] = level
+    return like, weight[1:] / weight.sum(), np.sqrt(unit * weight.sum() * changed)
+
+
+def _weighted(
+    shape: Array, power: Array, count: NDArray[np.integer], weight: Array
+) -> tuple[float, Array, Array]:
+    """Log-likelihood, weights (parts,) and levels^2 (recordings,), from these weights.
+
+    `shape` (frequencies of all, parts), `power` (frequencies of all,); a weight of 0
+    stays 0.
+    """
+    starts = np.cumsum(count) - count
+    level = np.ones(len(count))
+    for _ in range(2):
+        own = power / np.repeat(level, count)
+        for _ in range(ROUNDS):
+            sum_ = shape @ weight
+            weight = weight * np.sqrt((own / sum_**2) @ shape / ((1 / sum_) @ shape))
+        # A level is known to 1 / count, as a logarithm.
+        log = np.log(np.add.reduceat(power / (shape @ weight), starts) / count)
+        spread, middle = _spread(log, 1 / count)
+        level = np.exp(middle + spread / (spread + 1 / count) * (log - middle))
+    sum_ = np.repeat(level, count) * (shape @ weight)
+    return -float(np.sum(np.log(sum_) + power / sum_)), weight, level
 
 
 # -- level -----------------------------------------------------------------------------
@@ -273,54 +335,39 @@ def estimate(
     residuals: Sequence[Array],
     stresses: Sequence[Array],
     times: Sequence[Array],
-    lengths: Sequence[int] = WINDOWS,
+    whole: bool = False,
 ) -> list[Noise]:
     """Noise of each recording, from residuals of any smooth simulation, or stress.
 
-    residuals, stresses and times are (n,) each; NaN marks what is missing. Windows of
-    the shortest of the `lengths` alone say little of long memory, but are hardly
-    misled by what a simulation misses; 1/f noise is looked for in longer ones only.
+    residuals, stresses and times are (n,) each; NaN marks what is missing. Windows
+    alone say little of long memory, but are hardly misled by what a simulation misses;
+    the `whole` spectrum is.
     """
-    found = [_windows(residuals, stresses, length) for length in lengths]
-    windows = [w for w in found if w is not None]
+    windows = _windows(residuals, stresses)
     steps = [quantum(s) for s in stresses]
-    if not windows:  # too few samples of each to be pooled
+    if windows is None:  # too few samples of each to be pooled
         return [
             _short(x, s, q) for x, s, q in zip(residuals, stresses, steps, strict=True)
         ]
     interval = np.array([_interval(t) for t in times])
-    first = windows[0]
-    # Rounding lasts while the stress stands still: that is no memory of the channel.
-    grain = np.array(steps)[first.whose] ** 2 / 12
-    several = len(windows) > 1 and np.median(grain / first.variance[0]) < COARSE
-    rows, parts = _memory(windows, interval, len(times), several)
-    low = np.floor(rows).astype(int)[first.whose]
-    share = rows[first.whose] - low
-    column = np.arange(len(first.whose))
-    high = np.minimum(low + 1, len(first.variance) - 1)
-    variance = (1 - share) * first.variance[low, column]
-    variance += share * first.variance[high, column]
-    floor2, growth, kept = _levels(variance, first, len(times))
+    rows, memory = _memory(windows, interval)
+    low = np.floor(rows).astype(int)[windows.whose]
+    share = rows[windows.whose] - low
+    column = np.arange(len(windows.whose))
+    high = np.minimum(low + 1, len(windows.variance) - 1)
+    variance = (1 - share) * windows.variance[low, column]
+    variance += share * windows.variance[high, column]
+    floor2, growth, kept = _levels(variance, windows, len(times))
     out = []
-    for r, (step, whole) in enumerate(zip(steps, parts, strict=True)):
-        grain = step**2 / 12
-        # Parts that a recording is too short to show are not there.
-        memory = tuple((w, t) for w, t in whole if t < LONGEST * np.ptp(times[r]))
-        lost = sum(w for w, _ in whole) - sum(w for w, _ in memory)
-        if lost < 1:
-            memory = tuple((w / (1 - lost), t) for w, t in memory)
-            floor2[r] *= 1 - lost
-        plain = max(floor2[r] - grain, 0.1 * floor2[r])
-        count = int((kept & (first.whose == r)).sum())
-        out.append(
-            Noise(
-                float(np.sqrt(plain)),
-                float(np.sqrt(growth * floor2[r])),
-                step,
-                memory,
-                count,
-            )
-        )
+    for r, (step, parts) in enumerate(zip(steps, memory, strict=True)):
+        plain = max(floor2[r] - step**2 / 12, 0.1 * floor2[r])
+        count = int((kept & (windows.whose == r)).sum())
+        by_stress = float(np.sqrt(growth * floor2[r]))
+        out.append(Noise(float(np.sqrt(plain)), by_stress, step, parts, count))
+    # Rounding lasts while the stress stands still: that is no memory of the channel.
+    grain = np.array(steps)[windows.whose] ** 2 / 12
+    if whole and np.median(grain / windows.variance[0]) < COARSE:
+        return _spectral(out, residuals, stresses, interval)
     return out
 
 

@@ -25,14 +25,7 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
 import numpy as np
-from mlflow.entities import (
-    Dataset,
-    DatasetInput,
-    Experiment,
-    Metric,
-    Param,
-    Run,
-)
+from mlflow.entities import Dataset, DatasetInput, Experiment, Metric, Param, Run
 from mlflow.exceptions import MlflowException
 from mlflow.store.db.utils import (
     _initialize_tables,
@@ -53,7 +46,7 @@ SOURCE = {"mlflow.source.type": "LOCAL", "mlflow.source.name": "softnn"}
 # Without it the UI takes an experiment for one with language models.
 KIND = {"mlflow.experimentKind": "custom_model_development"}
 STUDY, IDENTITY, TRIAL = "softnn.study", "softnn.identity", "softnn.trial"
-AGAIN = "softnn.again"  # what `softnn rerun` needs, as JSON; set by studies.sweep
+AGAIN = "softnn.again"  # what `softnn rerun` needs, as JSON; set by softnn.study.sweep
 DIGEST = "softnn.sha256"
 BATCH = 1000  # metrics that MLflow takes in one call
 LONGEST = 8000  # characters that MLflow keeps of a tag
@@ -259,7 +252,10 @@ def read_run(uri: str, run_id: str) -> tuple[dict[str, list[float]], str | None]
         ) from None
     metrics = {
         name: [
-            m.value for m in sorted(client.get_metric_history(run_id, name), key=_step)
+            m.value
+            for m in sorted(
+                client.get_metric_history(run_id, name), key=lambda m: m.step
+            )
         ]
         for name in run.data.metrics
     }
@@ -287,8 +283,9 @@ def fetched(uri: str, tracking: str) -> Path:
     except StopIteration:
         raise InputError(f"{uri!r} holds no network of softnn") from None
     except (MlflowException, OSError) as error:
-        first = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{uri!r} cannot be loaded from {tracking}: {first}") from None
+        raise InputError(
+            f"{uri!r} cannot be loaded from {tracking}: {_line(error)}"
+        ) from None
 
 
 def _present(uri: str) -> str:
@@ -326,12 +323,12 @@ def _saved(
         )
 
 
+def _line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
 def _quoted(text: str) -> str:
     return text.replace("'", "''")
-
-
-def _step(metric: Metric) -> int:
-    return int(metric.step)
 
 
 def beginning(note: str) -> str:
@@ -345,14 +342,12 @@ def _client(uri: str) -> MlflowClient:
     try:
         if file is not None:
             made_aside(file, _make)
-        client = _connected(uri)
+        return _connected(uri)
     except Exception as error:  # SQLAlchemy's, requests', MLflow's own
-        first = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(
-            f"tracking {uri!r} cannot be opened ({first}); "
+            f"tracking {uri!r} cannot be opened ({_line(error)}); "
             "give an address such as sqlite:///mlruns/mlflow.db"
         ) from None
-    return client
 
 
 def _connected(uri: str) -> MlflowClient:

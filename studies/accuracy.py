@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from softnn.metrics import delta_accuracy, delta_complexity, nrmse
 from softnn.models.fit_piecewise import (
@@ -21,15 +18,12 @@ from softnn.models.fit_piecewise import (
     fit,
     fit_exponential,
     fit_std_lin_sds,
-    sweep,
 )
-from softnn.models.segments import Equal, Optimal, Tolerance
-from studies.baselines import MODELS, TOLERANCES
-from studies.common import COLOURS, FAINT, INK, markdown, percent
-from studies.piecewise import Case, Work, carry_out, legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from softnn.models.segments import Equal, Optimal
+from softnn.study.baselines import MODELS
+from softnn.study.piecewise import Case, Work, carry_out
+from softnn.study.tolerances import Best, best_of
+from studies.shown.accuracy import draw, written
 
 FEW = 20  # segments of the models that are compared at one complexity
 
@@ -37,31 +31,6 @@ FEW = 20  # segments of the models that are compared at one complexity
 def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.accuracy`; returns the exit code."""
     return carry_out("accuracy", __doc__, argv, study, draw)
-
-
-@dataclass(frozen=True)
-class Best:
-    """The fits of a model at every tolerance, and the one of least NRMSE."""
-
-    fits: list[PiecewiseFit]
-    errors: list[float]
-    tolerances: tuple[float, ...]
-
-    @property
-    def at(self) -> int:
-        return int(np.argmin(self.errors))
-
-    @property
-    def error(self) -> float:
-        return self.errors[self.at]
-
-
-def best_of(case: Case, model: str, tolerances: tuple[float, ...] = TOLERANCES) -> Best:
-    """A model on the curve the thesis fits it to, at every tolerance."""
-    curve, relaxation = case.fitted, case.primary(model).relaxation
-    (row,) = sweep([curve], [relaxation], [Tolerance(t) for t in tolerances])
-    errors = [nrmse(f.predict(curve), curve.stress_MPa) for f in row]
-    return Best(row, errors, tolerances)
 
 
 def study(work: Work, case: Case) -> dict[str, Any]:
@@ -162,87 +131,6 @@ def rivals_of(case: Case) -> dict[str, float]:
         "second-order exponential": fit_exponential([curve]),
     }
     return {k: nrmse(f.predict(curve), curve.stress_MPa) for k, f in fits.items()}
-
-
-def written(
-    best: dict[str, Any], improvement: dict[str, float], rivals: dict[str, float]
-) -> str:
-    rows = []
-    for model in MODELS:
-        one = best[model]
-        rows.append(
-            [
-                model,
-                percent(one["nrmse"]),
-                one["segments"],
-                percent(one["tolerance"], 0),
-                one["branches"],
-            ]
-        )
-        rows.append(
-            [
-                f"{model}, optimal cuts",
-                percent(one["nrmse_of_few_segments"]),
-                one["few_segments"],
-                None,
-                one["branches"],
-            ]
-        )
-        if "published" in one:
-            p = one["published"]
-            rows.append(
-                [
-                    f"{model}, thesis",
-                    percent(p["nrmse"]),
-                    p["segments"],
-                    percent(p["tolerance"], 0),
-                    p["branches"],
-                ]
-            )
-    rows += [[name, percent(error), None, None, None] for name, error in rivals.items()]
-    lines = markdown(["model", "NRMSE", "segments", "tolerance", "branches"], rows)
-    changes = (
-        f"accuracy {improvement['delta_accuracy_percent']:+.0f} %, "
-        f"complexity {improvement['delta_complexity_percent']:+.0f} %"
-    )
-    if "published_delta_accuracy_percent" in improvement:
-        changes += (
-            f" (thesis: {improvement['published_delta_accuracy_percent']:+.0f} %, "
-            f"{improvement['published_delta_complexity_percent']:+.0f} %)"
-        )
-    return f"{lines}\n\nPL-Wiechert against PL-SLS: {changes}"
-
-
-def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
-    """The curve, and both models at their best tolerance."""
-    figure, grid = panels(len(cases))
-    for axes, case, one in zip(grid, cases, found, strict=True):
-        curve = case.fitted
-        step = max(len(curve) // 200, 1)
-        axes.plot(
-            curve.strain[::step],
-            curve.stress_MPa[::step],
-            color=INK,
-            linewidth=3,
-            alpha=0.3,
-            label="mean curve",
-        )
-        for colour, style, model in zip(COLOURS, ("-", "--"), MODELS, strict=False):
-            axes.plot(
-                curve.strain[::step],
-                one["drawn"][model],
-                style,
-                color=colour,
-                linewidth=1,
-                label=model,
-            )
-        axes.set_title(case.material[:28])
-        axes.set_xlabel("strain")
-        axes.locator_params(axis="x", nbins=5)
-        axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    grid[0].set_ylabel("stress [MPa]")
-    legend_below(figure, grid[0], len(grid))
-    return figure
 
 
 if __name__ == "__main__":

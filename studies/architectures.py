@@ -26,6 +26,18 @@ from typing import Any
 from softnn.contracts import InputError
 from softnn.neural import ARCHITECTURES
 from softnn.search import Finished, Range, Value
+from softnn.study.common import guarded, plain, save_figure, write_result
+from softnn.study.material_data import Data, prepared
+from softnn.study.settings import (
+    Places,
+    Settings,
+    places_of,
+    settings_of,
+    smoked,
+    study_parser,
+)
+from softnn.study.sweep import Sweep, headline_of_all
+from softnn.study.trainer import Trainer
 from studies.architectures_baselines import baselines
 from studies.architectures_report import (
     Choice,
@@ -47,18 +59,6 @@ from studies.architectures_trials import (
     opening,
     unseen_split,
 )
-from studies.common import guarded, plain, save_figure, write_result
-from studies.material_data import Data, prepared
-from studies.settings import (
-    Places,
-    Settings,
-    places_of,
-    settings_of,
-    smoked,
-    study_parser,
-)
-from studies.sweep import Sweep, headline_of_all
-from studies.trainer import Trainer
 
 DEFAULTS = Settings(samples=200)  # neighbours in time say the same thing twice
 TRIALS = 300

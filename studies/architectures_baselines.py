@@ -12,8 +12,8 @@ from softnn.crossval import Folds, score
 from softnn.models.fit_piecewise import PiecewiseFit
 from softnn.neural import Samples
 from softnn.recording import Recording
-from studies.baselines import MODELS, WAYS, training_fits
-from studies.material_data import Data
+from softnn.study.baselines import MODELS, WAYS, training_fits
+from softnn.study.material_data import Data
 
 TREES = "gradient-boosted trees"
 
@@ -48,7 +48,7 @@ def trees(known: Samples, folds: Folds, seed: int) -> dict[str, list[float]]:
 
 
 def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, list[float] | str]:
-    """PL-SLS and PL-Wiechert in all ways: see `studies.baselines`.
+    """PL-SLS and PL-Wiechert in all ways: see `softnn.study.baselines`.
 
     A recording that is held out in part is fitted on the rest of its samples; its hold
     is used only where none of it is held out or the folds are random.

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from softnn.study.common import RESULTS, RUNS, guarded, markdown, parser, percent
 from studies.architectures_report import USES, paired
-from studies.common import RESULTS, RUNS, guarded, markdown, parser, percent
 
 ROOT = Path(__file__).resolve().parents[1]
 MARK = "<!-- made by python -m studies.architectures_page -->"

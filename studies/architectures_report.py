@@ -10,7 +10,7 @@ import numpy as np
 
 from softnn.neural import ARCHITECTURES
 from softnn.search import Finished
-from studies.common import COLOURS, FAINT, INK, markdown, new_figure, percent
+from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure, percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,11 +19,11 @@ from softnn.contracts import InputError
 from softnn.neural import ARCHITECTURES
 from softnn.neural import Settings as Training
 from softnn.search import TOGETHER, Finished, Range, Result, Value
+from softnn.study.material_data import Data
+from softnn.study.settings import Settings
+from softnn.study.trainer import Trainer
 from softnn.workers import workers
 from studies.architectures_report import front
-from studies.material_data import Data
-from studies.settings import Settings
-from studies.trainer import Trainer
 
 # A gain of 3 nats on 3,000 samples is 0.1 % of the error: less than folds scatter.
 TRAINING = Training(epochs=60, settled_nats=3.0)

@@ -11,28 +11,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from softnn.models.relaxation import (
-    Method,
     Relaxation,
-    collocation,
     held_out_branches,
     log_spaced,
-    non_negative,
     three_points,
 )
-from studies.baselines import RelaxationTest, late_tau
-from studies.common import COLOURS, FAINT, INK, markdown, percent
-from studies.piecewise import Case, Work, carry_out, legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from softnn.study.baselines import RelaxationTest, late_tau
+from softnn.study.piecewise import Case, Work, carry_out
+from studies.shown.branches import METHODS, draw, written
 
 MOST = 10
-METHODS: dict[str, Method] = {"collocation": collocation, "non-negative": non_negative}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -125,59 +116,6 @@ def one_test(test: RelaxationTest) -> tuple[dict[str, Any], dict[str, Relaxation
         }
         drawn[f"Wiechert, {method}, {best.branches} branches"] = best
     return {**found, "by_branches": rows}, drawn
-
-
-def written(found: dict[str, Any]) -> str:
-    header = ["branches"]
-    for method in METHODS:
-        header += [f"{method}, RMSE", "held out", "negative k"]
-    rows: list[list[Any]] = []
-    for row in found["by_branches"]:
-        cells: list[Any] = [row["branches"]]
-        for method in METHODS:
-            one = row[method]
-            cells += [percent(one["rmse"]), percent(one["held_out"]), one["negative"]]
-        rows.append(cells)
-    lines = markdown(header, rows)
-    return (
-        f"{lines}\n\nthree points: tau of the decaying part "
-        f"{found['three_points_tau_s']:.3g} s, RMSE "
-        f"{percent(found['three_points_rmse'])}; tau read literally "
-        f"{found['literal_tau_s']:.3g} s, RMSE {percent(found['literal_rmse'])}"
-    )
-
-
-def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
-    """The longest hold of each material and the fits to it, over log time."""
-    figure, grid = panels(len(cases))
-    for axes, case, one in zip(grid, cases, found, strict=True):
-        name, test, fits = one["drawn"]
-        since, mean = test.mean
-        time, modulus = log_spaced(since, mean, per_decade=30)
-        later = time > 0
-        axes.semilogx(
-            time[later], modulus[later], color=INK, linewidth=4, alpha=0.25,
-            label="hold",
-        )  # fmt: skip
-        fine = np.geomspace(time[later][0], time[-1], 300)
-        for colour, style, (label, fit) in zip(
-            COLOURS, ("--", "-", ":"), fits.items(), strict=False
-        ):
-            # The count differs from panel to panel; the legend is for all.
-            axes.semilogx(
-                fine,
-                fit.modulus(fine),
-                style,
-                color=colour,
-                linewidth=1.2,
-                label=", ".join(label.split(", ")[:2]),
-            )
-        axes.set_title(f"{case.material[:20]}: {name}", fontsize=8)
-        axes.set_xlabel("time [s]")
-        axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    grid[0].set_ylabel("modulus [MPa]")
-    legend_below(figure, grid[0], len(grid))
-    return figure
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from studies.common import COLOURS, FAINT, RESULTS, new_figure
+from softnn.study.common import COLOURS, FAINT, RESULTS, new_figure
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 PANELS = {

@@ -13,13 +13,9 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from softnn.metrics import generalisation_error, nrmse
-from softnn.models.fit_piecewise import fit_jointly, fit_std_lin_sds
-from softnn.models.segments import Equal
-from studies.baselines import (
-    JOINT_BRANCHES,
+from softnn.study.baselines import (
     MODELS,
     Choice,
     best,
@@ -27,14 +23,12 @@ from studies.baselines import (
     described,
     jointly,
     literal,
-    rate_errors,
     softened,
 )
-from studies.common import COLOURS, FAINT, markdown, percent
-from studies.piecewise import Case, Work, carry_out, panels, speed_label
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from softnn.study.common import markdown, percent
+from softnn.study.foretold import foretold, std_lin_sds
+from softnn.study.piecewise import Case, Work, carry_out, speed_label
+from studies.shown.rates import _row, draw
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -168,86 +162,6 @@ def study(work: Work, case: Case) -> dict[str, Any]:
         "text": text,
         "drawn": shown,
     }
-
-
-def _row(name: str, entry: dict[str, Any]) -> list[Any]:
-    return [
-        name,
-        percent(entry["generalisation_error"]),
-        percent(entry["tolerance"], 0),
-        entry["segments"],
-        entry["branches"],
-        f"{entry['rule']}, strain {entry['held_strain']:.2f}"
-        + (f", times {entry['share']:g}" if entry["share"] != 1 else ""),
-    ]
-
-
-def foretold(model: str, case: Case) -> dict[str, Any] | None:
-    """Each rate from a joint fit to the others; None with fewer than three rates.
-
-    With two rates one is left, and one rate cannot tell a branch from a spring.
-    """
-    if len(case.curves) < 3:
-        return None
-    errors = {}
-    for left_out in case.curves:
-        others = [c for c in case.curves if c is not left_out]
-        fit = fit_jointly(others, JOINT_BRANCHES[model])
-        errors[speed_label(case, left_out)] = nrmse(
-            fit.predict(left_out), left_out.stress_MPa
-        )
-    return {"nrmse": generalisation_error(list(errors.values())), "by_rate": errors}
-
-
-def std_lin_sds(case: Case) -> float:
-    """Generalisation error of the predecessor, fitted as PL-SLS is in the thesis."""
-    segments = Equal(min(20, len(case.fitted) // 3))
-    relaxation = case.primary("PL-SLS").relaxation
-    fit = fit_std_lin_sds([case.fitted], relaxation, segments)
-    return generalisation_error(rate_errors(fit, case.curves))
-
-
-def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
-    """Curves of all rates, and what the models fitted at one of them foretell."""
-    figure, grid = panels(len(cases), height=2.7)
-    for axes, case, one in zip(grid, cases, found, strict=True):
-        for colour, curve in zip(COLOURS, case.curves, strict=False):
-            label = speed_label(case, curve)
-            fitted = curve is case.fitted
-            thin = slice(None, None, max(len(curve) // 200, 1))
-            axes.plot(
-                curve.strain[thin],
-                curve.stress_MPa[thin],
-                color=colour,
-                linewidth=3,
-                alpha=0.3,
-                label=label + (" (k*)" if fitted else ""),
-            )
-            for style, model in zip(("-", ":"), MODELS, strict=True):
-                axes.plot(
-                    curve.strain[thin],
-                    one["drawn"][model].fit.predict(curve)[thin],
-                    style,
-                    color=colour,
-                    linewidth=1,
-                )
-        low = min(float(c.stress_MPa.min()) for c in case.curves)
-        high = max(float(c.stress_MPa.max()) for c in case.curves)
-        # A prediction that leaves the page is cut off; its error is in the table.
-        axes.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
-        axes.set_title(case.material[:28])
-        axes.set_xlabel("strain")
-        axes.locator_params(axis="x", nbins=5)
-        axes.legend(fontsize=6)
-        axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    grid[0].set_ylabel("stress [MPa]")
-    figure.suptitle(
-        "faint: mean curve; line: PL-SLS; dots: PL-Wiechert, k* from one rate",
-        fontsize=9,
-        x=0.01,
-        ha="left",
-    )
-    return figure
 
 
 if __name__ == "__main__":

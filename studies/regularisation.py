@@ -10,36 +10,24 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from dataclasses import replace
+from typing import Any
 
 from softnn.contracts import InputError
-from softnn.search import Finished, Range, Value
-from studies.common import (
-    COLOURS,
-    FAINT,
-    guarded,
-    markdown,
-    new_figure,
-    percent,
-    save_figure,
-    write_result,
-)
-from studies.material_data import Data, prepared
-from studies.settings import (
+from softnn.search import Range, Value
+from softnn.study.common import guarded, markdown, percent, save_figure
+from softnn.study.material_data import Data, prepared
+from softnn.study.settings import (
     Places,
     Settings,
+    of_one_count,
     places_of,
     settings_of,
     smoked,
     study_parser,
 )
-from studies.sweep import WHAT, Sweep, headline_of_all, trial_entry
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from softnn.study.sweep import Sweep, trial_entry, write_all
+from studies.shown.regularisation import _gamma, _key, _name, draw
 
 DEFAULTS = Settings(neurons=(20,), fraction=0.1)
 WEIGHTS = Range(1e-10, 1e-1, log=True)
@@ -56,17 +44,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = made.parse_args(argv)
 
     def work() -> None:
-        settings = settings_of(arguments, DEFAULTS)
-        if len(settings.neurons) > 1:
-            raise InputError(f"neurons are {settings.neurons}; give one count")
+        settings = of_one_count(settings_of(arguments, DEFAULTS))
         if arguments.trials < 1:
             raise InputError(f"trials is {arguments.trials}; at least 1 is needed")
-        usual = Settings(
-            material=settings.material,
-            data=settings.data,
-            neurons=DEFAULTS.neurons,
-            fraction=DEFAULTS.fraction,
-        )
+        usual = replace(DEFAULTS, material=settings.material, data=settings.data)
         as_usual = settings == usual and arguments.trials == TRIALS
         places = places_of(arguments, published=as_usual)
         if arguments.smoke:
@@ -80,17 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(settings: Settings, places: Places, trials: int) -> dict[str, Any]:
     """The study of every material asked for; returns what was written."""
     found = [study(data, settings, places, trials) for data in prepared(settings)]
-    headline = headline_of_all(found)
-    path = write_result(
-        settings.file_name("regularisation"),
-        headline,
-        {"settings": asdict(settings), "l2_trials": trials, "materials": found},
-        seed=settings.seed,
-        data={one["label"]: one["data_sha256"] for one in found},
-        folder=places.results,
-    )
-    print(f"result: {path}; runs: {places.tracking}")
-    return {"headline": headline, "materials": found}
+    return write_all("regularisation", settings, places, found, l2_trials=trials)
 
 
 def study(
@@ -147,80 +118,12 @@ def study(
             texts={"regularisation.md": text},
             tags={"best": best},
         )
-        seconds = sweep.seconds
+        entries = [trial_entry(t) for t in sweep.trials]
+        told = sweep.told(headline, trials=entries)
     print(f"\n{data.label}: best on folds drawn anew {best}\n\n{text}\n")
     if sweep.from_store():
         print(sweep.from_store())
-    return {
-        "material": data.material,
-        "label": data.label,
-        "data_sha256": data.digest,
-        "headline": headline,
-        "trials": [trial_entry(t) for t in sweep.trials],
-        "trials_from_store": sum(t.stored for t in sweep.trials),
-        "seconds": seconds,
-        "study_key": sweep.key,
-    }
-
-
-def _name(way: Finished) -> str:
-    weight = way.parameters.get("weight")
-    return way.parameters["regularisation"] + (f", {weight:.3g}" if weight else "")
-
-
-def _gamma(way: Finished) -> str:
-    gamma = np.array(way.result["gamma"], float)
-    mean = f"{gamma.mean():.1f}" if np.isfinite(gamma).all() else "-"
-    return f"{mean} of {way.result['parameters']}"
-
-
-def _key(name: str) -> str:
-    return name.replace("-", "_")
-
-
-def draw(
-    data: Data,
-    settings: Settings,
-    ways: Mapping[str, Finished],
-    tried: Sequence[Finished],
-) -> Figure:
-    """Generalisation error against the L2 weight, the other two as lines."""
-    figure = new_figure(5.2, 3.2)
-    axes = figure.subplots()
-    weights = np.array([t.parameters["weight"] for t in tried])
-    errors = 100 * np.array([t.value for t in tried])
-    order = np.argsort(weights)
-    axes.loglog(weights[order], errors[order], "-", color=COLOURS[0], alpha=0.4)
-    axes.loglog(weights, errors, "o", color=COLOURS[0], markersize=4, label="L2 trials")
-    best = ways["l2"]
-    axes.plot(
-        best.parameters["weight"],
-        100 * best.value,
-        "o",
-        markersize=11,
-        markerfacecolor="none",
-        markeredgecolor=COLOURS[1],
-        markeredgewidth=1.8,
-        label=f"best L2 weight, {best.parameters['weight']:.1e}",
-    )
-    for name, colour, dashes in (
-        ("bayesian", COLOURS[2], "-"),
-        ("early-stopping", COLOURS[3], "--"),
-    ):
-        axes.axhline(100 * ways[name].value, color=colour, linestyle=dashes, label=name)
-    low, high = axes.get_ylim()
-    ticks = [t for t in (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 100) if low <= t <= high]
-    axes.set_yticks(ticks, [f"{t}" for t in ticks])
-    axes.minorticks_off()
-    axes.set_xlabel("L2 weight (normalised units)")
-    axes.set_ylabel(f"NRMSE [%], {WHAT[settings.split]}")
-    axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    axes.set_title(
-        f"{data.label}: {settings.neurons[0]} neurons, "
-        f"{settings.fraction:.0%} of the samples"
-    )
-    axes.legend(fontsize=8)
-    return figure
+    return told
 
 
 if __name__ == "__main__":

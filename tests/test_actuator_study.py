@@ -11,7 +11,7 @@ pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 
 
 def test_strips_are_the_virtual_specimens():
-    from studies.actuator import VirtualStrip
+    from softnn.study.strips import VirtualStrip
 
     strain = 0.25 - 0.25 * np.cos(np.linspace(0, 9, 900))
     strip = VirtualStrip()

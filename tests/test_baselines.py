@@ -14,8 +14,7 @@ from softnn.materials import MATERIALS, table
 from softnn.models import PLSLS, Maxwell
 from softnn.models.relaxation import three_points
 from softnn.recording import Recording
-from studies import accuracy, rates, segments
-from studies.baselines import (
+from softnn.study.baselines import (
     WAYS,
     best,
     choices,
@@ -29,7 +28,8 @@ from studies.baselines import (
     training_fits,
     variants,
 )
-from studies.piecewise import cases
+from softnn.study.piecewise import cases
+from studies import accuracy, rates, segments
 
 PLANTED = {
     "spring_1": 2.0,

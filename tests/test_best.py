@@ -12,9 +12,9 @@ import studies
 from softnn.metrics import nrmse
 from softnn.neural import Settings as Training
 from softnn.readers.tidy import data_folder
-from studies.material_data import prepared
-from studies.settings import Settings
-from studies.trainer import Trainer
+from softnn.study.material_data import prepared
+from softnn.study.settings import Settings
+from softnn.study.trainer import Trainer
 
 BEST = Path(studies.__path__[0]) / "best"
 ENDS = sorted(BEST.glob("architectures-*.json"))  # of fronts of two objectives

@@ -11,16 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench import ledger, scoring
+from bench.concealed import details, noise_check, orders, reporting, sealing, trial
 from softnn.noise import estimate
-from studies import ledger, scoring
-from studies.concealed import (
-    details,
-    noise_check,
-    orders,
-    reporting,
-    sealing,
-    trial,
-)
+from softnn.study import common
 
 ROOT = Path(__file__).parent.parent
 TRUTHS = {
@@ -83,7 +77,7 @@ def killed(*arguments: str) -> int:
     """The command in a process of its own, which somebody ends; its exit code."""
     program = (
         f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
-        "from studies.concealed import trial\n"
+        "from bench.concealed import trial\n"
         f"trial.SOFTNN, trial.HANDS = {trial.SOFTNN!r}, {trial.HANDS!r}\n"
         f"trial.main({list(arguments)!r})"
     )
@@ -207,7 +201,7 @@ def test_a_perfect_diagnosis_meets_every_bar(tmp_path, monkeypatch):
     """The whole way from the key to the report, with diagnoses written by the key."""
     monkeypatch.chdir(tmp_path)
     # MLflow remembers a store by its address: a relative one may be another test's.
-    monkeypatch.setattr(reporting, "RUNS", tmp_path / "mlruns")
+    monkeypatch.setattr(common, "RUNS", tmp_path / "mlruns")
     folder = tmp_path / "trial"
     few = ["mullins_softening", "thermal_softening"]
     wanted = orders.plan(12, 1.0, each=1, nulls=2, pairs=1, unlisted=1, only=few)

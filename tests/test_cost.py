@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench import cost
 from softnn.mismatch import diagnose, diagnosis, read_case
-from studies import cost
 
 
 @pytest.fixture(scope="module")

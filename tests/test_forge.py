@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from studies.concealed import (
+from bench.concealed import (
     forge,
     noises,
     oracle,
@@ -24,16 +24,10 @@ from studies.concealed import (
     sensor,
     settings,
 )
-from studies.concealed.bases import Base, maxwell
-from studies.concealed.planting import Context, Planted, material_stress, run_material
-from studies.concealed.programmes import (
-    FAMILIES,
-    HELD_OUT,
-    STEP_S,
-    Imposed,
-    Pace,
-)
-from studies.concealed.unlisted import UNLISTED
+from bench.concealed.bases import Base, maxwell
+from bench.concealed.planting import Context, Planted, material_stress, run_material
+from bench.concealed.programmes import FAMILIES, HELD_OUT, STEP_S, Imposed, Pace
+from bench.concealed.unlisted import UNLISTED
 
 FAMILIES_AND_HELD_OUT = FAMILIES | HELD_OUT
 PACE = Pace(peak=0.8, ramp_s=3.0, corner_s=0.2, cycle_hz=0.5)

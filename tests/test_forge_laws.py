@@ -8,13 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from studies.concealed import (
-    marching,
-)
-from studies.concealed import unlisted as unlisted_things
-from studies.concealed.bases import SKELETONS, Base, draw_base, maxwell
-from studies.concealed.planting import Context, material_stress
-from studies.concealed.programmes import (
+from bench.concealed import marching
+from bench.concealed import unlisted as unlisted_things
+from bench.concealed.bases import SKELETONS, Base, draw_base, maxwell
+from bench.concealed.planting import Context, material_stress
+from bench.concealed.programmes import (
     FAMILIES,
     HELD_OUT,
     STEP_S,
@@ -23,7 +21,7 @@ from studies.concealed.programmes import (
     polyline,
     sample,
 )
-from studies.concealed.unlisted import UNLISTED
+from bench.concealed.unlisted import UNLISTED
 
 FAMILIES_AND_HELD_OUT = FAMILIES | HELD_OUT
 PACE = Pace(peak=0.8, ramp_s=3.0, corner_s=0.2, cycle_hz=0.5)

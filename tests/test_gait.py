@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from softnn.contracts import InputError
+from softnn.study.ranges import Area, Query, inwards, outline, published, supported, who
 from studies import gait
-from studies.gait import Area, Query, inwards, outline, published, supported, who
 
 
 def test_ages_50_to_70_by_three_studies_are_served_by_5_to_63_degrees():

@@ -10,21 +10,15 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from studies.concealed.hands import kernels, noises, programmes, softening
-from studies.concealed.hands.bases import Base
-from studies.concealed.hands.drawing import draw, draw_setup
-from studies.concealed.hands.families import (
-    DEVELOPMENT,
-    EFFECTS,
-    HELD_OUT,
-    SIDES,
-    Law,
-)
-from studies.concealed.hands.forging import forge
-from studies.concealed.hands.materials import SKELETONS, SPECTRA, Material
-from studies.concealed.hands.orders import LAWS, STRANGERS, laws_of
-from studies.concealed.hands.programmes import PROGRAMMES, Course
-from studies.concealed.hands.testing import Setup, linear_flow, simulate
+from bench.hands import kernels, noises, programmes, softening
+from bench.hands.bases import Base
+from bench.hands.drawing import draw, draw_setup
+from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Law
+from bench.hands.forging import forge
+from bench.hands.materials import SKELETONS, SPECTRA, Material
+from bench.hands.orders import LAWS, STRANGERS, laws_of
+from bench.hands.programmes import PROGRAMMES, Course
+from bench.hands.testing import Setup, linear_flow, simulate
 
 PLAIN = noises.Noise("white", 0.01, np.full(9, 0.01))
 

@@ -13,7 +13,7 @@ PACKAGE = ROOT / "softnn"
 # A module imports only what stands on a line above it; siblings do not know each other.
 ORDER = (
     ("contracts",),
-    ("axes",),
+    ("axes", "json_file"),
     (
         "recording",
         "metrics",
@@ -21,24 +21,25 @@ ORDER = (
         "noise",
         "bounded",
         "workers",
-        "json_file",
         "database",
+        "state",
     ),
     ("plausible", "readers", "prepare", "virtual", "models", "effects", "neural"),
-    ("properties", "simulate"),
+    ("properties", "simulate", "datasets"),
     ("fit",),
-    ("crossval",),
+    ("crossval", "model_file"),
     ("search", "tracking", "report"),
     ("mismatch",),
     ("export", "motor"),
     ("actuator",),
+    ("study",),
     ("cli",),
 )
 RANK = {name: i for i, row in enumerate(ORDER) for name in row}
 
 # One home for each heavy dependency: whoever replaces it edits one place.
 HOMES = {"optuna": "search", "mlflow": "tracking", "torch": "neural", "onnx": "export"}
-HOMES |= {"plotly": "report", "jinja2": "report"}
+HOMES |= {"plotly": "report", "jinja2": "report", "pooch": "datasets"}
 
 
 def modules(folder: Path) -> list[Path]:
@@ -69,7 +70,7 @@ def test_imports_point_one_way(path):
     assert here in RANK, f"{here} has no place in ORDER; give it one"
     for name in imports(ast.parse(path.read_text())):
         parts = name.split(".")
-        assert parts[0] != "studies", "softnn never imports studies"
+        assert parts[0] not in ("bench", "studies"), f"softnn never imports {parts[0]}"
         if parts[0] == "softnn" and len(parts) > 1 and parts[1] != here:
             if parts[1] in RANK:
                 assert RANK[parts[1]] < RANK[here], f"{here} imports {name}"
@@ -88,9 +89,17 @@ def test_figures_cost_nothing_until_they_are_drawn(path):
 
 
 def test_relative_imports_are_not_used():
-    for path in modules(PACKAGE) + modules(ROOT / "studies"):
+    for path in modules(PACKAGE) + modules(ROOT / "bench") + modules(ROOT / "studies"):
         for node in ast.walk(ast.parse(path.read_text())):
             assert not (isinstance(node, ast.ImportFrom) and node.level), path
+
+
+def test_bench_knows_no_study_and_the_forge_of_others_not_even_softnn():
+    for path in modules(ROOT / "bench"):
+        known = {name.split(".")[0] for name in imports(ast.parse(path.read_text()))}
+        assert "studies" not in known, path
+        if path.parent.name == "hands":
+            assert "softnn" not in known, path
 
 
 def test_an_effect_is_a_file_of_its_name():
@@ -111,7 +120,7 @@ def test_configuration_names_what_exists():
 
 
 def test_no_pickle_and_no_eval():
-    for path in modules(PACKAGE) + modules(ROOT / "studies"):
+    for path in modules(PACKAGE) + modules(ROOT / "bench") + modules(ROOT / "studies"):
         tree = ast.parse(path.read_text())
         assert not any(
             name.split(".")[0] in {"pickle", "joblib", "dill", "shelve"}

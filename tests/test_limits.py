@@ -16,8 +16,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies import limits, limits_report, scoring
-from studies.concealed import forge, oracle, orders
+from bench import scoring
+from bench.concealed import forge, oracle, orders
+from bench.limits import reporting as limits_report
+from bench.limits import summary
+from bench.limits import trial as limits
 
 ROOT = Path(__file__).parents[1]
 GRID = limits.Grid(
@@ -281,7 +284,7 @@ def test_shares_by_hand():
     other |= {"selected": ["grip_slip"], "equivalent": ["slack"], "right": False}
     alarm = next(r for r in rows if r["effect"] == "null" and r["colour"] == "long")
     alarm |= {"verdict": "unexplained", "right": False}
-    found = limits_report.summarise(rows)
+    found = summary.summarise(rows)
     slack = found["effects"]["slack"]
     assert slack["named"]["right"] == 9
     assert slack["right"]["right"] == 8
@@ -319,9 +322,9 @@ def test_smallest_strength_is_the_one_from_which_on_it_holds():
     part = pd.DataFrame(
         {"strength": [0.1, 0.2, 0.4, 1.0], "named": [True, False, True, True]}
     )
-    assert limits_report.smallest_strength(part) == 0.4
+    assert summary.smallest_strength(part) == 0.4
     part.named = [True, True, True, False]
-    assert limits_report.smallest_strength(part) is None
+    assert summary.smallest_strength(part) is None
 
 
 def test_smallest_signal_of_the_oracle_is_where_its_power_is_ninety_per_cent():
@@ -329,6 +332,6 @@ def test_smallest_signal_of_the_oracle_is_where_its_power_is_ninety_per_cent():
     # (2.5758 + 1.2816) squared, from the normal quantiles.
     size = pd.Series(np.linspace(0.01, 0.3, 2000))
     power = pd.Series([oracle.power(1000 * s**2, 1) for s in size])
-    found = limits_report.smallest_signal(size, power)
+    found = summary.smallest_signal(size, power)
     assert found == pytest.approx((2.5758 + 1.2816) / np.sqrt(1000), abs=2e-4)
-    assert limits_report.smallest_signal(size, 0.5 * power) is None
+    assert summary.smallest_signal(size, 0.5 * power) is None

@@ -8,9 +8,9 @@ import os
 import numpy as np
 import pytest
 
+from bench.recordings.faults import FAULTS, faulty
 from softnn.mismatch import Case, diagnose
 from softnn.readers.tidy import read_set
-from studies.recordings.faults import FAULTS, faulty
 
 pytestmark = [
     pytest.mark.slow,

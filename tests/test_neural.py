@@ -11,7 +11,8 @@ from softnn.contracts import InputError
 from softnn.metrics import nrmse
 from softnn.neural import Network, Regularisation, Scaling, Settings, train
 from softnn.neural.levenberg import _evidence, minimise
-from softnn.neural.training import CELLS, _Set, _stack, _summary, _Tanh
+from softnn.neural.rows import CELLS, Rows, stacked, summary
+from softnn.neural.training import _Tanh
 
 
 def small_problem(rng, networks=3, rows=37, d=2, neurons=(4, 2, 3)):
@@ -237,7 +238,7 @@ def test_a_start_on_few_samples_ends_where_a_full_one_does(monkeypatch):
     x, y = tensile(rng, rows=1500)
     how = {"neurons": [3], "train_mask": np.ones((1, 1500), bool), "seeds": [2]}
     full = train(x, y, **how)[0]
-    monkeypatch.setattr("softnn.neural.training.SUBSET", 300)
+    monkeypatch.setattr("softnn.neural.rows.SUBSET", 300)
     quick = train(x, y, **how)[0]
     assert quick.iterations < full.iterations
     assert nrmse(quick.network.predict(x), y) == pytest.approx(
@@ -249,15 +250,15 @@ def test_samples_of_equal_inputs_may_be_counted_together():
     rng = np.random.default_rng(9)
     x, y = tensile(rng, rows=9000)
     scale = Scaling.of(x)
-    whole = _Set(scale.apply(x), y, np.ones(len(y)))
-    few = _summary(whole, rng)
+    whole = Rows(scale.apply(x), y, np.ones(len(y)))
+    few = summary(whole, rng)
     assert len(few.y) <= 3 * CELLS < len(y) / 2
     assert few.weight.sum() == len(y)
     theta = torch.from_numpy(rng.standard_normal((1, 4 * 4 + 1)))
     one = torch.tensor([0])
 
     def costs(rows):
-        arrays = (torch.from_numpy(a) for a in _stack([rows]))
+        arrays = (torch.from_numpy(a) for a in stacked([rows]))
         task = _Tanh(*arrays, torch.tensor([4]))
         return task.sse(theta, one), *task.normal(theta, one)[:2]
 

@@ -18,14 +18,12 @@ from softnn.models.fit_piecewise import (
     fit_exponential,
     fit_jointly,
     fit_std_lin_sds,
-    joint_slopes,
-    segment_slopes,
-    skeleton,
     sweep,
 )
 from softnn.models.piecewise import engaged
 from softnn.models.relaxation import Relaxation
 from softnn.models.segments import Equal, Optimal, Tolerance, line_errors
+from softnn.models.skeleton import joint_slopes, segment_slopes, skeleton
 
 ONE = Relaxation(0.0, (0.6,), (4.0,), "given")
 TWO = Relaxation(0.0, (0.4, 0.2), (1.0, 30.0), "given")

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from studies import cost, ledger, limits_report, proof, scoring
-from studies.common import plain
-from studies.concealed import reporting
-from studies.concealed.unlisted import UNLISTED
-from studies.scoring import Rate, Truth
+from bench import cost, ledger, scoring
+from bench.concealed import reporting
+from bench.concealed.unlisted import UNLISTED
+from bench.limits import reporting as limits_report
+from bench.proof import concealed, limits, make, others, page
+from bench.scoring import Rate, Truth
+from softnn.json_file import plain
 
 
 def write(folder: Path, name: str, content: dict) -> None:
@@ -167,9 +169,9 @@ def recordings_found() -> dict:
 
 
 def test_nothing_has_been_run(tmp_path):
-    text = proof.make(tmp_path / "results", tmp_path / "docs").read_text()
+    text = make.make(tmp_path / "results", tmp_path / "docs").read_text()
     text += (tmp_path / "docs" / "proof-hands.md").read_text()
-    for command in proof.COMMANDS.values():
+    for command in page.COMMANDS.values():
         assert f"Not run: `{command}`." in text
     assert "![" not in text
 
@@ -181,7 +183,7 @@ def test_the_page_quotes_the_results(tmp_path):
     write(results, "cost", cost_found())
     write(results, "rivals", rivals_found())
     write(results, "recordings", recordings_found())
-    text = proof.make(results, docs).read_text()
+    text = make.make(results, docs).read_text()
     assert "Not run" not in text
     cells = [re.sub(r" +", " ", line) for line in text.splitlines()]
     # 37 and 34 of 40, the stronger first.
@@ -226,7 +228,7 @@ def test_the_page_quotes_the_results(tmp_path):
     assert len(shown) == 3
     assert all((docs / s).stat().st_size > 3000 for s in shown)
     again = tmp_path / "again"
-    assert proof.make(results, again).read_text() == text
+    assert make.make(results, again).read_text() == text
     for s in shown:  # the same results are the same files
         assert (again / s).read_bytes() == (docs / s).read_bytes()
 
@@ -248,7 +250,7 @@ def test_the_page_of_other_hands_quotes_the_results(tmp_path):
     opening |= {"generator": "hands", "side": "held-out", "seed": 7}
     opening |= {"counts": {"single": 4, "null": 1}, "right": {"single": "4 of 4"}}
     ledger.enter(opening, results)
-    proof.make(results, docs)
+    make.make(results, docs)
     text = re.sub(r" +", " ", (docs / "proof-hands.md").read_text())
     assert "5 cases, seed 7 (1 null, 4 single)" in text
     assert "**Opened before** (2026-01-01, held-out)" in text
@@ -275,7 +277,7 @@ def test_older_results_are_read_too(missing, tmp_path):
     else:
         one["all"]["effects"] = {}
     write(tmp_path / "results", "concealed", {"trials": {"y": one}})
-    text = proof.make(tmp_path / "results", tmp_path).read_text()
+    text = make.make(tmp_path / "results", tmp_path).read_text()
     assert ("accepted by eye" in text) == (missing != "concealment")
 
 
@@ -287,11 +289,11 @@ def test_kinds_that_a_law_was_written_for_are_counted_apart():
         "tack": (4, 5),
     }
     found = trial(0.3, 30) | {"aliens": {k: Rate(*v).entry() for k, v in kinds.items()}}
-    said = proof.strangers_sentence(found)
+    said = concealed.strangers_sentence(found)
     assert share_in(said) == ["88 % (53 to 98) of 8", "90 % (60 to 98) of 10"]
     only = {"hum": Rate(5, 5).entry()}
-    assert proof.strangers_sentence(found | {"aliens": only}) == ""
-    assert set(proof.WITH_LAWS) <= {kind.__name__ for kind in UNLISTED}
+    assert concealed.strangers_sentence(found | {"aliens": only}) == ""
+    assert set(concealed.WITH_LAWS) <= {kind.__name__ for kind in UNLISTED}
 
 
 def share_in(text: str) -> list[str]:
@@ -302,7 +304,7 @@ def test_bases_stand_in_one_order_whichever_ran_last():
     one = {"groups_in_agreement": 1, "groups_judged": 2, "bars_met": 0, "bars": 0}
     one |= {f"unseen_nrmse_{k}_median": None for k in ("before", "after")}
     one |= {"code": ["0123abcd"]}
-    said = proof.bases({name: one for name in ("sls", "pl-wiechert", "hooke")})
+    said = others.bases({name: one for name in ("sls", "pl-wiechert", "hooke")})
     assert re.findall(r"^\| ([a-z-]+) +\|", said, re.M)[1:] == [
         "hooke",
         "sls",
@@ -312,7 +314,7 @@ def test_bases_stand_in_one_order_whichever_ran_last():
 
 def test_lists_of_equivalents_are_told_where_something_is_named():
     some = {"rate": 0.25, "of": 8}
-    told = proof.lists_sentence({"with_a_list": some, "mean_length": 0.5})
+    told = limits.lists_sentence({"with_a_list": some, "mean_length": 0.5})
     assert "empty in 75 % of 8 cases, of 0.5 effects" in told
     none = {"rate": None, "of": 0}
-    assert proof.lists_sentence({"with_a_list": none, "mean_length": None}) == ""
+    assert limits.lists_sentence({"with_a_list": none, "mean_length": None}) == ""

@@ -11,7 +11,7 @@ from softnn import properties
 from softnn.contracts import InputError
 from softnn.readers.tidy import read_folder
 from softnn.recording import Recording
-from studies import property_sets
+from softnn.study import property_sets
 
 
 def curve(stress_of, ultimate=2.0, n=2001, noise=0.0, scale=1.0, **about):

@@ -8,9 +8,9 @@ import pytest
 from softnn.contracts import Chunk, InputError
 from softnn.neural import Network, Scaling, Seen, StoredNetwork, counted, stored
 from softnn.recording import Recording
+from softnn.study.common import RESULTS
+from softnn.study.realtime_inputs import STEP_S, law, offsets, readings, sine
 from studies import realtime
-from studies.common import RESULTS
-from studies.realtime_inputs import STEP_S, law, offsets, readings, sine
 
 
 def test_rates_are_differences_of_extremes_one_second_apart():

@@ -11,17 +11,18 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from bench.recordings import faults, groups, predict, reporting, sets, trial
+from bench.recordings.rows import Row, agreement, fault_scores, met, rate
 from softnn import Recording
 from softnn.contracts import Chunk, InputError
+from softnn.database import Store
 from softnn.effects import effect
 from softnn.fit import Guess
 from softnn.mismatch import Case
-from softnn.mismatch.model_file import to_dict
+from softnn.model_file import to_dict
 from softnn.models.units import Units
 from softnn.readers.tidy import data_folder
 from softnn.simulate import Term, simulate
-from studies.recordings import faults, groups, predict, reporting, sets, trial
-from studies.recordings.reporting import Row, agreement, fault_scores, met, wilson
 
 SPRING = Units("hooke", (0.0, 1.0))
 STIFFNESS = 2.0
@@ -195,11 +196,12 @@ def test_faults_are_scored_on_top_of_what_is_there():
 
 def test_wilson_interval():
     # Wilson 1927: the middle is drawn to a half, by z^2 more trials.
-    w = wilson(48, 50)
-    centre = (0.96 + 1.96**2 / 100) / (1 + 1.96**2 / 50)
+    w = rate(48, 50)
+    z = 1.959964
+    centre = (0.96 + z**2 / 100) / (1 + z**2 / 50)
     assert (w["low"] + w["high"]) / 2 == pytest.approx(centre)
-    assert wilson(0, 0)["rate"] is None
-    assert wilson(0, 5)["low"] == 0
+    assert rate(0, 0)["rate"] is None
+    assert rate(0, 5)["low"] == 0
 
 
 # --- groups and splits ----------------------------------------------------------------
@@ -358,7 +360,8 @@ def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     assert head["faults_found"] == 1.0
     (split,) = [r for r in found["rows"] if r["kind"] == "split"]
     assert split["unseen"]["ratio"] < 0.2
-    rows = (tmp_path / "mlruns/smoke/recordings/rows.jsonl").read_text().splitlines()
+    with Store(tmp_path / "mlruns/smoke/recordings/rows.sqlite") as store:
+        rows = store.rows()
     # A copy without a fault is the group as it is.
     assert len(rows) == 5
     assert len(found["faults"]["originals"]) == len(found["faults"]["copies"]) == 1

@@ -11,9 +11,9 @@ import softnn
 from softnn import InputError, Recording
 from softnn.cli import main
 from softnn.neural import StressNetwork
+from softnn.study.settings import Places, Settings
 from softnn.tracking import Tracker, fetched
 from studies.neurons import run
-from studies.settings import Places, Settings
 
 ABOUT = {
     "study": "s",

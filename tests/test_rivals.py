@@ -11,12 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from softnn.contracts import Chunk, InputError
-from softnn.effects import EFFECTS
-from softnn.mismatch import verify
-from studies import scoring
-from studies.concealed import sealing
-from studies.rivals import (
+from bench import scoring
+from bench.concealed import sealing
+from bench.rivals import (
     classifier,
     columns,
     criteria,
@@ -30,8 +27,11 @@ from studies.rivals import (
     trial,
     tuning,
 )
-from studies.rivals.naming import UNMAPPED, Found, Rule, diagnosis
-from studies.rivals.problem import read
+from bench.rivals.naming import UNMAPPED, Found, Rule, diagnosis
+from bench.rivals.problem import read
+from softnn.contracts import Chunk, InputError
+from softnn.effects import EFFECTS
+from softnn.mismatch import verify
 
 SIGMA = 0.002  # MPa, of a stress that reaches 1 MPa
 RATES = (0.02, 0.05, 0.1, 0.3)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from studies import scoring
-from studies.concealed import details
-from studies.scoring import Truth
+from bench import scoring
+from bench.concealed import details
+from bench.scoring import Truth
 
 
 @pytest.mark.parametrize(

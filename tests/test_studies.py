@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import pkgutil
+import re
 import signal
 import sqlite3
 import subprocess
@@ -20,19 +21,20 @@ import studies
 from softnn import Recording
 from softnn.contracts import InputError
 from softnn.search import Finished
+from softnn.study.common import write_result
+from softnn.study.material_data import Data, first_loading, prepared
+from softnn.study.settings import Settings, parse_neurons
+from softnn.study.trainer import Trainer
 from studies import neurons
-from studies.common import write_result
-from studies.material_data import Data, first_loading, prepared
-from studies.neurons_report import published
-from studies.settings import Settings, parse_neurons
-from studies.trainer import Trainer
+from studies.shown.neurons import published
 
 ROOT = Path(__file__).parents[1]
 FOLDER = Path(studies.__path__[0])
 NAMES = sorted(
     module.name
     for module in pkgutil.iter_modules([str(FOLDER)])
-    if not module.ispkg and "def main(" in (FOLDER / f"{module.name}.py").read_text()
+    if not module.ispkg
+    and re.search(r"def main\(|import main", (FOLDER / f"{module.name}.py").read_text())
 )
 
 

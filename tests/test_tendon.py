@@ -8,8 +8,7 @@ import pytest
 from softnn import Recording
 from softnn.materials import MATERIALS, material, table
 from softnn.recording import Geometry
-from studies import tendon
-from studies.tendon_match import (
+from softnn.study.tendon_match import (
     Sheet,
     Tendon,
     beside,
@@ -19,6 +18,7 @@ from studies.tendon_match import (
     published_sheet,
     tendon_area,
 )
+from studies import tendon
 
 AREA = 51.57  # mm2, what 4852 mm2 x 3.23 MPa / 303.9 MPa and its siblings share
 

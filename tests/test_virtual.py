@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from bench import calibration
 from softnn import prepare, virtual
 from softnn.contracts import InputError
 from softnn.materials import MATERIALS, material, table
 from softnn.recording import data_hash
-from studies import calibration, virtual_specimens
+from studies import virtual_specimens
 
 LINEAR = virtual.Calibration(
     knee_stress=0.0,

@@ -21,7 +21,7 @@ if __name__ == "__main__":
 
 STUDY = """
 import subprocess, sys
-from studies.common import guarded
+from softnn.study.common import guarded
 
 CHILD = "import os, time; print(os.getpid(), flush=True); time.sleep(120)"
 sys.exit(guarded(lambda: subprocess.run([sys.executable, "-c", CHILD])))

@@ -156,30 +156,52 @@ def reversals(strain, band, state, out):
 
 
 @numba.njit(cache=True)
-def ringing(step, force, omega, zeta, carried, out):
-    """Force (n, sets) behind mass and mount; carried (2, sets): it and its rate.
+def ringing(step, kick, omega, zeta, carried, out):
+    """Force (n, sets) behind mass and mount that is kicked at the samples.
 
-    Each step is exact for a force that stands still at the mean of its ends.
+    carried (2, sets): it and its rate; a kick is the force's integral over time.
     """
-    n, sets = force.shape
+    n, sets = kick.shape
     for s in range(sets):
         x, v = carried[0, s], carried[1, s]
         decay, square = zeta[s] * omega[s], omega[s] ** 2
-        last = force[0, s]
+        gap = square - decay * decay
+        w = np.sqrt(max(abs(gap), 1e-9 * square))
         for i in range(n):
             h = step[i]
-            u = 0.5 * (last + force[i, s])
-            last = force[i, s]
-            y = x - u
-            gap = square - decay * decay
-            w = np.sqrt(max(abs(gap), 1e-9 * square))
             if gap > 0:
                 e = np.exp(-decay * h)
                 c, q = e * np.cos(w * h), e * np.sin(w * h) / w
             else:
                 slow, fast = np.exp((w - decay) * h), np.exp(-(w + decay) * h)
                 c, q = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
-            x = u + y * c + (v + decay * y) * q
-            v = v * c - (square * y + decay * v) * q
+            x, v = x * c + (v + decay * x) * q, v * c - (square * x + decay * v) * q
             out[i, s] = x
+            v += square * kick[i, s]
         carried[0, s], carried[1, s] = x, v
+
+
+@numba.njit(cache=True)
+def turning(step, kick, width, out):
+    """Force (n, sets) of kicks at the samples, each spread over time as a bell.
+
+    3 (1 + x + x^2 / 3) exp(-x) / (16 w) at a distance of x w, before and after.
+    """
+    n, sets = kick.shape
+    for s in range(sets):
+        w = width[s if width.size > 1 else 0]
+        scale = 3.0 / (16.0 * w)
+        for way in (1, -1):
+            a = b = c = 0.0  # sums of kicks times x^0, x^1, x^2, each by exp(-x)
+            for k in range(n):
+                i = k if way > 0 else n - 1 - k
+                x = 0.0
+                if k:
+                    x = (step[i] if way > 0 else step[i + 1]) / w
+                e = np.exp(-x)
+                a, b, c = e * a, e * (b + x * a), e * (c + 2.0 * x * b + x * x * a)
+                if way > 0:
+                    out[i, s] = scale * (kick[i, s] + a + b + c / 3.0)
+                else:
+                    out[i, s] += scale * (a + b + c / 3.0)
+                a += kick[i, s]

@@ -54,18 +54,24 @@ class Inertia(Effect):
         return (CompliantMount(), RingingMount(), BluntTurns())
 
     @staticmethod
-    def acceleration(signal, state):
-        """Second difference of strain (n, sets), 1/s2."""
+    def kicks(signal, state):
+        """Change of the strain rate at each sample (n, sets), 1/s."""
         t, e = signal.time_s, signal.strain
-        acceleration = np.zeros_like(e)
+        kick = np.zeros_like(e)
         if len(t) > 2:
-            step = np.maximum(np.diff(t), 1e-12)[:, None]
-            rate = np.diff(e, axis=0) / step
-            gap = (step[1:] + step[:-1]) / 2
-            acceleration[1:-1] = np.diff(rate, axis=0) / gap
+            rate = np.diff(e, axis=0) / np.maximum(np.diff(t), 1e-12)[:, None]
+            kick[1:-1] = np.diff(rate, axis=0)
             if state is None:  # it was at rest before the first sample
-                acceleration[0] = rate[0] / step[0]
-        return acceleration
+                kick[0] = rate[0]
+        return kick
+
+    def acceleration(self, signal, state):
+        """Second difference of strain (n, sets), 1/s2."""
+        step = np.maximum(np.diff(signal.time_s), 1e-12)
+        gap = np.ones(len(signal.time_s))
+        if len(gap) > 2:
+            gap[0], gap[1:-1] = step[0], (step[1:] + step[:-1]) / 2
+        return self.kicks(signal, state) / gap[:, None]
 
     def after(self, p, signal, state):
         force = p["mass"] * self.acceleration(signal, state)
@@ -124,8 +130,8 @@ class RingingMount(Inertia):
               = \omega^2 m\,\ddot\varepsilon,
               \quad \omega = 2 \pi f_0
 
-    resonance f_0 in Hz, damping zeta. Load cells, Fujii 2003,
-    doi:10.1088/0957-0233/14/9/313.
+    resonance f_0 in Hz, damping zeta; each change of strain rate is a kick. Load cells,
+    Fujii 2003, doi:10.1088/0957-0233/14/9/313.
     """
 
     parameters = Inertia.parameters + (
@@ -137,40 +143,38 @@ class RingingMount(Inertia):
     def after(self, p, signal, state):
         from softnn.effects._kernels import ringing
 
-        force = self.acceleration(signal, state)
+        kick = self.kicks(signal, state)
         omega, zeta = 2 * np.pi * p["resonance_Hz"], p["damping"]
-        sets = max(force.shape[1], omega.size, zeta.size)
-        force = np.ascontiguousarray(np.broadcast_to(force, (len(force), sets)))
+        sets = max(kick.shape[1], omega.size, zeta.size)
+        kick = np.ascontiguousarray(np.broadcast_to(kick, (len(kick), sets)))
         last, carried = (
             (signal.time_s[0], np.zeros((2, sets))) if state is None else state
         )
         carried = np.broadcast_to(carried, (2, sets)).copy()
-        out = np.empty_like(force)
+        out = np.empty_like(kick)
         step = np.diff(signal.time_s, prepend=last)
-        ringing(
-            step,
-            force,
-            np.broadcast_to(omega, (sets,)),
-            np.broadcast_to(zeta, (sets,)),
-            carried,
-            out,
-        )
+        omega, zeta = np.broadcast_to(omega, (sets,)), np.broadcast_to(zeta, (sets,))
+        ringing(step, kick, omega, zeta, carried, out)
         new = replace(signal, stress=signal.stress + p["mass"] * out)
         return new, (signal.time_s[-1], carried)
 
     def starts(self, scales):
-        rate = float(np.clip(0.1 / scales.interval_s, 0.1, 1e3))
         return [
-            s | {"resonance_Hz": rate, "damping": 0.2} for s in super().starts(scales)
+            s | {"resonance_Hz": float(np.clip(k / scales.interval_s, 0.1, 1e3))}
+            for s in super().starts(scales)
+            for k in (0.1, 0.4)
         ]
 
 
 class BluntTurns(Inertia):
-    r"""The same where the mass turns less sharply than the strain channel says.
+    r"""The same where the strain is straight between samples, and turns within a time.
 
-    The acceleration is smoothed over a time w before and after: a turn between two
-    samples, or a channel that is the command and not the motion. Smoothed forth and
-    back, so that nothing is late (Gustafsson 1996, doi:10.1109/78.492552).
+    .. math:: f(t) = m \sum_j \Delta\dot\varepsilon_j \, k_w(t - t_j)
+
+    A sample shows the force of its instant, not the mean since the last: of a turn
+    that takes less than an interval, recordings of different intervals show the same.
+    k_w is a bell (Matern 5/2) of width w, before and after (Gustafsson 1996,
+    doi:10.1109/78.492552: smoothed forth and back, so that nothing is late).
     """
 
     parameters = Inertia.parameters + (
@@ -179,22 +183,19 @@ class BluntTurns(Inertia):
     shape = ("width_s",)
 
     def after(self, p, signal, state):
-        from softnn.effects._kernels import first_order
+        from softnn.effects._kernels import turning
 
-        force = self.acceleration(signal, state)
+        kick = self.kicks(signal, state)
         width = p["width_s"]
-        sets = max(force.shape[1], width.size)
-        force = np.ascontiguousarray(np.broadcast_to(force, (len(force), sets)))
-        step = np.diff(signal.time_s, prepend=signal.time_s[0])
-        for way in (1, -1):
-            out = np.empty_like(force)
-            steps = step if way > 0 else np.concatenate([[0.0], step[:0:-1]])
-            rest = np.zeros((2, sets))
-            ahead = np.ascontiguousarray(force[::way])
-            first_order(steps, ahead, width, rest[0], rest[1], out)
-            force = out[::way]
-        return replace(signal, stress=signal.stress + p["mass"] * force), True
+        sets = max(kick.shape[1], width.size)
+        kick = np.ascontiguousarray(np.broadcast_to(kick, (len(kick), sets)))
+        out = np.empty_like(kick)
+        turning(np.diff(signal.time_s, prepend=signal.time_s[0]), kick, width, out)
+        return replace(signal, stress=signal.stress + p["mass"] * out), True
 
     def starts(self, scales):
-        width = float(np.clip(scales.interval_s, 2e-4, 5.0))
-        return [s | {"width_s": width} for s in super().starts(scales)]
+        return [
+            s | {"width_s": float(np.clip(k * scales.interval_s, 2e-4, 5.0))}
+            for s in super().starts(scales)
+            for k in (1.0, 0.2)
+        ]

@@ -7,15 +7,23 @@ pays: a beam that is wide at first and narrow later.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from softnn.contracts import Effect
-from softnn.fit import Fit, fit
+from softnn.fit import Fit, Guess, fit
 from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
-from softnn.mismatch.candidates import FIRST, LATER, candidates, expand, names, refine
+from softnn.mismatch.candidates import (
+    FIRST,
+    FORMS,
+    LATER,
+    candidates,
+    expand,
+    names,
+    refine,
+)
 from softnn.mismatch.evidence import Evidence, Weigher
 from softnn.noise import Noise
 
@@ -26,7 +34,6 @@ FAR = 60.0  # of log evidence, by which an account of several effects is out of 
 TOLD = 0.02  # of log density a sample, by which a noise is another
 NEAR = 10.0  # of log evidence, by which specimens may be behind and yet be tried
 FEWEST = 3  # recordings, to speak of scatter
-TRIED = 6  # accounts, the best, by which one of two noises is chosen
 REFITTED = 4  # iterations, where only the noise has changed
 
 
@@ -67,7 +74,10 @@ def search(base: Baseline) -> Search:
     weigher = Weigher(engine, base.fit)
     found = [Account(base.fit, weigher.weigh(base.fit, whole=False))]
     found += _weighed(weigher, first)
-    found += _as_specimens(base, weigher, found)
+    apart = _as_specimens(base, weigher, found)
+    if apart:  # what they hide is asked again
+        found += apart[:1]
+        found += _weighed(weigher, expand(engine, apart[0].fit, pool, FIRST, FORMS))
     for size, count in enumerate(EXPANDED, start=1):
         ranked = sorted((a for a in found if len(a.effects) == size), key=value)
         done: set[frozenset[str]] = set()
@@ -79,6 +89,9 @@ def search(base: Baseline) -> Search:
             if best.effects not in done:
                 done.add(best.effects)
                 found += _weighed(weigher, expand(engine, best.fit, pool, LATER))
+    if not apart:
+        found += _as_specimens(base, weigher, found)
+    found += _asked_again(weigher, found, pool)
     found += _without(weigher, found)
     noise, accounts = _settled(base, weigher, found)
     base.fit = accounts[0].fit
@@ -94,17 +107,41 @@ def _without(weigher: Weigher, found: Sequence[Account]) -> list[Account]:
     out: list[Account] = []
     queue = sorted(_worth(found), key=value, reverse=True)
     for account in queue:  # grows by what is found
-        pieces = account.fit.guess.pieces
-        for i, piece in enumerate(pieces):
-            left = account.effects - {piece.effect.id}
-            if piece.nuisance or left in known:
+        for law, fewer in _each_less(account):
+            if account.effects - {law.id} in known:
                 continue
-            known.add(left)
-            guess = replace(account.fit.guess, pieces=pieces[:i] + pieces[i + 1 :])
-            fewer = fit(weigher.engine, guess, fixed_base=account.fit.fixed_base)
-            out += _weighed(weigher, [fewer])
+            known.add(account.effects - {law.id})
+            less = fit(weigher.engine, fewer, fixed_base=account.fit.fixed_base)
+            out += _weighed(weigher, [less])
             queue.append(out[-1])
     return out
+
+
+def _asked_again(
+    weigher: Weigher, found: Sequence[Account], pool: Sequence[Effect]
+) -> list[Account]:
+    """The best account of each number of effects, each effect asked anew beside others.
+
+    The form that suits an effect was chosen while the others were not there yet.
+    """
+    out: list[Account] = []
+    engine = weigher.engine
+    for size in {len(a.effects) for a in found if len(a.effects) > 1}:
+        best = max((a for a in found if len(a.effects) == size), key=value)
+        for law, fewer in _each_less(best):
+            less = fit(engine, fewer, fixed_base=best.fit.fixed_base)
+            known = [one for one in pool if one.id == law.id]
+            out += _weighed(weigher, expand(engine, less, known, 1, FORMS))
+    return out
+
+
+def _each_less(account: Account) -> Iterator[tuple[Effect, Guess]]:
+    """Each effect of an account, and the guess without it."""
+    guess = account.fit.guess
+    for piece in guess.pieces:
+        if not piece.nuisance:
+            rest = tuple(p for p in guess.pieces if p is not piece)
+            yield piece.effect, replace(guess, pieces=rest)
 
 
 def _as_specimens(
@@ -138,37 +175,45 @@ def _settled(
 ) -> tuple[list[Noise], list[Account]]:
     """All accounts under one noise: the one under which the best is likelier.
 
-    That which the best leaves by windows of any length, or by short ones alone: of an
-    account that misses something, long ones take what it misses for noise.
+    That which the best account of any number of effects leaves, by windows of any
+    length or by short ones alone: of one that misses something, long ones take what it
+    misses for noise, and under such noise a wrong account may lead.
     """
     engine = base.engine
     ranked = sorted(_worth(found), key=value, reverse=True)
-    best, tried = ranked[0], []
-    for long in (False, True):
-        noise = weigh(engine, best.fit, long=long)
-        few = [_again(base, weigher, a) for a in ranked[:TRIED]]
-        tried.append((max(map(value, few)), long, noise, few))
-    _, long, noise, few = max(tried, key=lambda t: t[0])
-    if not long:
-        weigh_by(engine, noise)
-    rest = [_again(base, weigher, a) for a in ranked[TRIED:]]
-    accounts = [*few, *rest]
+    leaders = list({len(a.effects): a for a in reversed(ranked)}.values())
+    tried = []
+    for leader in leaders:
+        for long in (False, True):
+            noise = weigh(engine, leader.fit, long=long)
+            few = [_again(base, weigher, a, whole=False) for a in leaders]
+            tried.append((max(map(value, few)), noise))
+    noise = max(tried, key=lambda t: t[0])[1]
+    weigh_by(engine, noise)
+    accounts = [_again(base, weigher, a) for a in ranked]
     # The base alone goes first; of its two, with and without scatter, the better.
     bare = next(i for i, a in enumerate(ranked) if not a.effects)
     return noise, [accounts[bare], *accounts[:bare], *accounts[bare + 1 :]]
 
 
-def _again(base: Baseline, weigher: Weigher, account: Account) -> Account:
+def _again(
+    base: Baseline, weigher: Weigher, account: Account, whole: bool = True
+) -> Account:
     """An account under the noise now in force."""
     clock = time.perf_counter()
     guess, fixed = account.fit.guess, base.fixed
     again = fit(base.engine, guess, fixed_base=fixed, iterations=REFITTED)
-    evidence = weigher.weigh(again)
+    evidence = weigher.weigh(again, whole)
     return Account(again, evidence, account.seconds + time.perf_counter() - clock)
 
 
 def _worth(found: Sequence[Account]) -> list[Account]:
     """The best forms of each set of effects, and no several far from the best."""
+    once = {
+        (tuple(p.effect.form for p in a.fit.guess.pieces), round(value(a))): a
+        for a in reversed(found)
+    }
+    found = list(once.values())[::-1]
     top = max(map(value, found))
     best: dict[frozenset[str], float] = {}
     for account in found:
@@ -187,7 +232,7 @@ def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
     What is missing adds to the noise that a base seems to have, and so hides itself.
     """
     engine = base.engine
-    first = expand(engine, base.fit, pool, FIRST)
+    first = expand(engine, base.fit, pool, FIRST, FORMS)
     if not first:
         return base.fit, first
     before = engine.log_norm
@@ -196,7 +241,7 @@ def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
     fixed = base.fixed
     again = fit(engine, base.fit.guess, fixed_base=fixed, iterations=REFITTED)
     if engine.log_norm - before > TOLD * len(engine.target):
-        return again, expand(engine, again, pool, FIRST)
+        return again, expand(engine, again, pool, FIRST, FORMS)
     refitted = [
         fit(engine, f.guess, fixed_base=fixed, iterations=REFITTED) for f in first
     ]

@@ -17,7 +17,7 @@ from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
 from softnn.models.units import Units, build
-from softnn.noise import WINDOWS, Noise, estimate
+from softnn.noise import Noise, estimate
 
 STAND_IN = "pl-wiechert"
 
@@ -78,7 +78,7 @@ def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:
         fine.by_recording(fine.target - stress),
         data.stress_MPa,
         [c.time_s for c in data.chunks],
-        WINDOWS if long else WINDOWS[:1],
+        long,
     )
     weigh_by(engine, noise)
     return noise

@@ -24,7 +24,7 @@ from softnn.mismatch.verify import intervals
 ENTRY = 8.0  # of chi2, below which nothing, and no recording, is worth a refit
 BESIDE = 0.02  # of the largest gain: an effect that promises less waits for it
 FIRST, LATER = 10, 4  # effects refitted on top of a base, and of an account
-FORMS = (3, 1)  # of an effect, that are followed on a base and on an account
+FORMS = 4  # of an effect, that are followed where it stands alone or is asked again
 WARM = 0.5  # degC, by which the temperature must change to do anything
 OFF = 3.5  # standard errors, within which an effect of a recording is off
 
@@ -48,11 +48,14 @@ def names(found: Fit) -> list[str]:
     return [p.effect.id for p in found.guess.pieces if not p.nuisance]
 
 
-def expand(engine: Engine, base: Fit, pool: Sequence[Effect], most: int) -> list[Fit]:
+def expand(
+    engine: Engine, base: Fit, pool: Sequence[Effect], most: int, forms: int = 1
+) -> list[Fit]:
     """Fits with one more effect of the pool each, in the forms that suit it.
 
-    The effects that lead are refitted with their core parameters; the few that come
-    near the best then with their shape parameters, and from closer starts.
+    At most so many effects, and forms of each. Those that lead are refitted with their
+    core parameters; the few that come near the best then with their shape parameters,
+    and from closer starts.
     """
     screen = Screen(engine, base)
     leads: dict[tuple[str, str, bool], Lead] = {}
@@ -76,7 +79,7 @@ def expand(engine: Engine, base: Fit, pool: Sequence[Effect], most: int) -> list
     if not names(base):
         found += [refine(engine, base, piece, 6) for piece in shown(engine, pool)]
     found = [f for f in found if len(names(f)) > len(names(base))]
-    found = _best_forms(found, FORMS[bool(names(base))])
+    found = _best_forms(found, forms)
     out = []
     for rank, one in enumerate(found):
         near = one.chi2 < base.chi2 - 0.5 * (base.chi2 - found[0].chi2)

@@ -20,10 +20,9 @@ from torch import Tensor
 from softnn.contracts import Array, InputError
 from softnn.neural.levenberg import DEFAULTS, Result, Settings, minimise
 from softnn.neural.network import Network, Scaling
+from softnn.neural.rows import Rows, normalised, stacked, summary
 
 CHUNK = {"cpu": 2**20, "cuda": 2**27}  # Jacobian entries held at once
-CELLS = 512  # a range of inputs; samples in one cell are alike
-SUBSET = 2000  # samples, where few are alike; enough to fix 81 parameters
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
 
 
@@ -278,12 +277,12 @@ def _train_batch(
     counts = torch.tensor([job.neurons for job in jobs], device=device)
     width = int(counts.max())
 
-    def problem(sets: list[_Set], repeats: int) -> _Tanh:
+    def problem(sets: list[Rows], repeats: int) -> _Tanh:
         many = [one for one in sets for _ in range(repeats)]
-        x, y, weight, within = (torch.from_numpy(a).to(device) for a in _stack(many))
+        x, y, weight, within = (torch.from_numpy(a).to(device) for a in stacked(many))
         return _Tanh(x, y, weight, within, counts.repeat_interleave(repeats))
 
-    def fit(sets: list[_Set], start: Tensor, how: Settings, repeats: int = 1) -> Result:
+    def fit(sets: list[Rows], start: Tensor, how: Settings, repeats: int = 1) -> Result:
         task = problem(sets, repeats)
         if checks is not None:  # in the early part too, or it would overfit unseen
             task.held_out = problem(checks, repeats)
@@ -301,13 +300,13 @@ def _train_batch(
         ]
     ).to(device)
 
-    def scaled(some: list[np.ndarray]) -> list[_Set]:
+    def scaled(some: list[np.ndarray]) -> list[Rows]:
         pairs = zip(some, scalings, strict=True)
-        return [_scaled(inputs, target, r, *z) for r, z in pairs]
+        return [normalised(inputs, target, r, *z) for r, z in pairs]
 
     checks = None if held_out is None else scaled(held_out)
     whole = scaled(rows)
-    fewer = [_summary(one, rng) for one, rng in zip(whole, rngs, strict=True)]
+    fewer = [summary(one, rng) for one, rng in zip(whole, rngs, strict=True)]
     if starts > 1 or any(few is not one for few, one in zip(fewer, whole, strict=True)):
         # Most of the way is gone on far fewer rows, at a fraction of the cost.
         early = fit(fewer, start, settings, starts)
@@ -365,66 +364,6 @@ def _nguyen_widrow(rng: np.random.Generator, count: int, d: int, width: int) -> 
     output[:count] = rng.uniform(-1, 1, count)
     output[-1] = rng.uniform(-1, 1)
     return torch.from_numpy(np.concatenate([hidden.ravel(), output]))
-
-
-@dataclass(frozen=True)
-class _Set:
-    """Normalised rows: inputs x (m, d), target y (m,), weight (m,); see `_Tanh`."""
-
-    x: Array
-    y: Array
-    weight: Array
-    within: float = 0.0
-
-
-def _scaled(
-    inputs: Array, target: Array, rows: np.ndarray, x: Scaling, y: Scaling
-) -> _Set:
-    return _Set(x.apply(inputs[rows]), y.apply(target[rows]), np.ones(len(rows)))
-
-
-def _summary(whole: _Set, rng: np.random.Generator) -> _Set:
-    """Far fewer rows that a network can be fitted to almost as well; or `whole`.
-
-    Samples of equal inputs, up to 1 / `CELLS` of their range, become one row: their
-    mean, counted as often. What they differ by among themselves no network can fit, so
-    the cost keeps its value, up to the square of a cell. Where inputs are too scattered
-    for that, `SUBSET` samples are drawn at random.
-    """
-    cells = np.floor((whole.x + 1) * (CELLS / 2)).astype(np.int64)
-    _, of, count = np.unique(
-        cells @ (2 * CELLS) ** np.arange(cells.shape[1]),
-        return_inverse=True,
-        return_counts=True,
-    )
-    if 2 * len(count) <= len(of):
-
-        def mean(values: Array) -> Array:
-            return np.bincount(of, values) / count
-
-        y = mean(whole.y)
-        return _Set(
-            np.column_stack([mean(column) for column in whole.x.T]),
-            y,
-            count.astype(float),
-            float(np.sum((whole.y - y[of]) ** 2)),
-        )
-    if len(of) <= 2 * SUBSET:
-        return whole
-    rows = np.sort(rng.choice(len(of), SUBSET, replace=False))
-    return _Set(whole.x[rows], whole.y[rows], whole.weight[rows])
-
-
-def _stack(sets: list[_Set]) -> tuple[Array, Array, Array, Array]:
-    """x (B, m, d + 1), y and weight (B, m), within (B,); padding has weight 0."""
-    most = max(len(one.y) for one in sets)
-    x = np.zeros((len(sets), most, sets[0].x.shape[1] + 1))
-    x[:, :, -1] = 1
-    y, weight = np.zeros((len(sets), most)), np.zeros((len(sets), most))
-    for i, one in enumerate(sets):
-        rows = slice(len(one.y))
-        x[i, rows, :-1], y[i, rows], weight[i, rows] = one.x, one.y, one.weight
-    return x, y, weight, np.array([one.within for one in sets])
 
 
 def _check(

@@ -1,8 +1,8 @@
-"""`python -m studies.concealed`: see `trial.py`."""
+"""`python -m studies.concealed`: see `bench/concealed/trial.py`."""
 
 import sys
 
-from studies.concealed.trial import main
+from bench.concealed.trial import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,8 +1,8 @@
-"""`python -m studies.rivals`: see `trial.py`."""
+"""`python -m studies.rivals`: see `bench/rivals/trial.py`."""
 
 import sys
 
-from studies.rivals.trial import main
+from bench.rivals.trial import main
 
 if __name__ == "__main__":
     sys.exit(main())

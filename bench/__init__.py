@@ -1,0 +1,1 @@
+"""Makers and judges of trials: what studies put `softnn diagnose` and its rivals to."""

@@ -1,0 +1,204 @@
+"""What a trial says: the table of bars, effect by effect, causes, confusion."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bench import scoring
+from bench.concealed import noise_check, orders
+from bench.reporting import cell, publish, track
+from softnn.study.common import FAINT, markdown, new_figure, percent, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_CAUSES = 20
+VERDICTS = ("nothing_missing", "undetermined", "unexplained", "no diagnosis")
+
+
+def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The table of what must be shown: what, value, interval, bar, met."""
+    seen, rows = scores["visible"], []
+    naming, told = seen["naming"], seen["calibration"]
+    one = 0.92
+    if record["generator"] == "forge":
+        one = 0.95 if record["strength"] >= 1 else 0.90
+
+    def row(key: str, what: str, found: Any, bar: float, least: bool = True) -> None:
+        entry = found if isinstance(found, dict) else {"rate": found}
+        value = entry.get("rate")
+        met = None
+        if value is not None and math.isfinite(value):  # no case, no verdict
+            met = bool(value >= bar) if least else bool(value <= bar)
+        rows.append({"key": key, "what": what, "bar": bar, "met": met, **entry})
+
+    unsure = seen["unsure"].get("alien")
+    row("single_right", "one effect: it and nothing else", naming.get("single"), one)
+    row(
+        "true_first", "a true effect leads the candidates", seen["ranking"]["all"], 0.97
+    )
+    row("null_right", "nothing: nothing_missing", naming.get("null"), 0.98)
+    row("pair_right", "two effects: both and only both", naming.get("pair"), 0.85)
+    row("alien_unnamed", "on no list: nothing named", naming.get("alien"), 0.85)
+    row("alien_unsure", "on no list: no name at 0.9 or more", unsure, 0.97)
+    row("sure_right", "names at 0.9 or more that are right", told.get("sure"), 0.95)
+    row("gap", "probabilities off by, mean", told.get("gap"), 0.05, least=False)
+    if record["generator"] == "forge":
+        hidden = scores["concealment"]
+        limit = percent(hidden["accepted_below_nrmse"], 0)
+        accepted = hidden["groups"].get("single", {}).get("right")
+        what = f"one effect, right, the base alone within {limit}"
+        row("accepted_right", what, accepted, 0.90)
+        row("region_f1", "regions, median F1", scores["region_f1"], 0.8)
+        for key, where in (("heldout", "held-out"), ("unseen", "unseen programme's")):
+            what = f"{where} NRMSE over the noise, median"
+            row(f"{key}_over_floor", what, scores[f"{key}_over_floor"], 1.2, False)
+        row(
+            "power_over_oracle", "found, over the oracle's power", scores["power"], 0.85
+        )
+    row("seconds_alone", "one case, s", record.get("seconds_alone"), 6.0, least=False)
+    return rows
+
+
+def report(
+    folder: Path,
+    record: Mapping[str, Any],
+    scores: Mapping[str, Any],
+    tracking: str | None,
+) -> None:
+    """Print, write and track what came out."""
+    rows, label = bars(scores, record), str(record["label"])
+    note = as_markdown(rows, scores)
+    if record["opened_before"]:
+        note = f"Opened before: {'; '.join(record['opened_before'])}.\n\n{note}"
+    print(note)
+    headline: dict[str, float | None] = {}
+    for row in rows:
+        headline[f"{label}/{row['key']}"] = row.get("rate")
+        if "low" in row:
+            headline[f"{label}/{row['key']}_low"] = row["low"]
+            headline[f"{label}/{row['key']}_high"] = row["high"]
+    name = "concealed" if record["generator"] == "forge" else "hands"
+    told = {k: v for k, v in record.items() if k != "cases_in"}
+    trial = {"record": told, "bars": rows, **scores}
+    written = publish(name, record, headline, trial, folder)
+    figure = confusion_figure(scores["confusion"])
+    figures = save_figure(figure, f"{name}-{label}", written.parent)
+    track(record, headline, note, [written, *figures, folder / "record.json"], tracking)
+
+
+def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) -> str:
+    """The tables of a trial: bars, what is seen and what is not, causes of misses."""
+    tables = [bars_table(rows), parts_table(scores), effects_table(scores)]
+    tables += [calibration_table(scores["all"]["calibration"])]
+    if "noise_check" in scores:
+        tables.append(noise_check.table(scores["noise_check"]))
+    return "\n\n".join([*tables, causes_table(scores["misses"])])
+
+
+def causes_table(misses: Sequence[Mapping[str, Any]], head: str = "planted") -> str:
+    """Misses by what was planted and why, the most frequent first."""
+    pair = "two effects"
+    counts = Counter(
+        (pair if m["cls"] == "pair" else "".join(m["effects"]) or m["cls"], m["cause"])
+        for m in misses
+    )
+    shown = counts.most_common(MOST_CAUSES)
+    rows: list[list[Any]] = [[what, why, n] for (what, why), n in shown]
+    if rest := len(misses) - sum(n for _, n in shown):
+        rows.append(["others", "one or few of a kind", rest])
+    return markdown([head, "why", "cases"], rows)
+
+
+def bars_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    says = {True: "yes", False: "no", None: None}
+    cells = []
+    for r in rows:
+        value = r.get("rate")
+        found = cell(r) if "of" in r else None if value is None else f"{value:.3g}"
+        cells.append([r["what"], found, f"{r['bar']:g}", says[r["met"]]])
+    return markdown(["what, in cases to be seen", "found", "bar", "met"], cells)
+
+
+def parts_table(scores: Mapping[str, Any]) -> str:
+    """Class by class, of the cases to be seen and of the others, and by noise."""
+    heads = ["cases", "class", "right", "true effect first", "none at 0.9", "verdicts"]
+    rows = []
+    for where in ("visible", "others"):
+        some = scores[where]
+        for cls, entry in some["naming"].items():
+            verdicts = some["verdict"][cls].items()
+            said = ", ".join(f"{v} {n}" for v, n in sorted(verdicts))
+            first = cell(some["ranking"].get(cls))
+            rows.append(
+                [where, cls, cell(entry), first, cell(some["unsure"][cls]), said]
+            )
+    for kind, classes in scores["visible"]["noise"].items():
+        rows += [[kind, c, cell(e), None, None, None] for c, e in classes.items()]
+    return markdown(heads, rows)
+
+
+def effects_table(scores: Mapping[str, Any]) -> str:
+    """Effect by effect, of the cases to be seen; what a key knows beyond."""
+    known = scores.get("per_effect", {})
+    heads = ["effect", "alone and right", "first", "named, beside another too"]
+    rows = []
+    for name, e in scores["visible"]["effects"].items():
+        more = known.get(name, {})
+        extra = [more.get(k) for k in ("oracle_power", "f1")] if known else []
+        extra = [None if v is None else f"{v:.2f}" for v in extra]
+        rows.append([name, cell(e), cell(e["first"]), cell(e["named"]), *extra])
+    return markdown([*heads, *(["oracle", "F1"] if known else [])], rows)
+
+
+def calibration_table(told: Mapping[str, Any]) -> str:
+    """Of names at a probability, how many are right."""
+    if not told["of"]:
+        return "No name was given a probability."
+    rows = [[f"{d['from']:.1f}", f"{d['mean']:.2f}", cell(d)] for d in told["deciles"]]
+    area = "-" if told["auc"] is None else f"{told['auc']:.2f}"
+    return (
+        markdown(["probability from", "mean", "right"], rows)
+        + f"\n\n{told['of']} names; mean log score {told['log_score']:.3f}, Brier "
+        f"score {told['brier']:.3f}, AUC {area}."
+    )
+
+
+def confusion_figure(counts: Mapping[str, Mapping[str, int]]) -> Figure:
+    """Rows: what was planted; columns: what was named. Shares of the row."""
+    rows, used = list(counts), {c for row in counts.values() for c in row}
+    possible = (*orders.NAMES, scoring.AND_MORE, scoring.SEVERAL, *VERDICTS)
+    columns = [c for c in possible if c in used or c in rows]
+    figure = new_figure(2.6 + 0.3 * len(columns), 2.2 + 0.24 * len(rows))
+    axes = figure.subplots()
+    shares = [
+        [counts[r].get(c, 0) / max(1, sum(counts[r].values())) for c in columns]
+        for r in rows
+    ]
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    for i, r in enumerate(rows):
+        for j, c in enumerate(columns):
+            if counts[r].get(c):
+                axes.text(
+                    j,
+                    i,
+                    str(counts[r][c]),
+                    ha="center",
+                    va="center",
+                    fontsize=7,
+                    color="white" if shares[i][j] > 0.5 else "black",
+                )
+    axes.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns])
+    axes.tick_params(axis="x", rotation=90, length=0)
+    axes.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows])
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlabel("named")
+    axes.set_ylabel("planted")
+    for side in axes.spines.values():
+        side.set_visible(True)
+        side.set_color(FAINT)
+    return figure

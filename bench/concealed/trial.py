@@ -1,0 +1,397 @@
+"""Which physics was left out? Concealed cases, forged, diagnosed, then scored.
+
+Cases are forged and their key sealed (its hash goes into the record first); then the
+command `softnn diagnose` is run on the cases alone; only when all diagnoses are
+written is the key opened, which the ledger keeps. Seeds below 10000 are for
+development; a trial with a seed from 10000 on, of all effects, is written to
+studies/results/concealed.json.
+
+--hands has the cases made by another hand, --cases-in takes those of a folder
+(cases/NAME and truth/NAME/truth.json); with a seed from 10000 on, or a --label, they
+are written to studies/results/hands.json. All are scored alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bench import ledger, scoring
+from bench.concealed import details, noise_check, orders, rivals, sealing
+from bench.concealed.reporting import report
+from softnn.contracts import InputError
+from softnn.study.common import (
+    code_of,
+    guarded,
+    package_files,
+    parser,
+    results_folder,
+    runs_folder,
+)
+
+SOFTNN = [sys.executable, "-m", "softnn.cli"]
+HANDS = [sys.executable, "-m", "bench.hands"]
+SIDES = ("development", "held-out")
+COUNTS = {"nulls": 50, "singles": 100, "pairs": 40, "aliens": 30}  # by other hands
+TIMED_CASES = 3  # diagnosed once more, one at a time, for the time a user waits
+
+
+def make_parser() -> argparse.ArgumentParser:
+    p = parser("concealed", __doc__)
+    p.add_argument("--cases", type=int, default=20, help="of each effect (20)")
+    p.add_argument("--nulls", type=int, help="ten times --cases")
+    p.add_argument("--pairs", type=int, help="three times --cases")
+    p.add_argument(
+        "--unlisted", "--aliens", type=int, dest="aliens", help="three times --cases"
+    )
+    p.add_argument("--singles", type=int, help="with --hands: of all effects together")
+    p.add_argument("--only", nargs="+", default=[], metavar="EFFECT")
+    p.add_argument("--strength", type=float, default=1.0, help="of the effects (1)")
+    p.add_argument("--dirty", type=float, default=0.15, help="share of cases (0.15)")
+    p.add_argument("--simulated", type=float, default=0.1, help="share of cases (0.1)")
+    p.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    p.add_argument("--out", type=Path, help="where cases and diagnoses go (mlruns/...)")
+    p.add_argument("--label", help="what the trial is called in results")
+    p.add_argument("--tracking", help="MLflow address (mlruns/mlflow.db)")
+    p.add_argument(
+        "--noise-check", action="store_true", help="whiten what truths leave, too"
+    )
+    whose = p.add_mutually_exclusive_group()
+    whose.add_argument("--hands", choices=SIDES, help="cases by another hand")
+    whose.add_argument("--cases-in", type=Path, metavar="FOLDER", help="these cases")
+    only = p.add_mutually_exclusive_group()
+    only.add_argument("--forge-only", type=Path, metavar="DIR", help="forge, no more")
+    only.add_argument("--resume", type=Path, metavar="DIR", help="diagnose the rest")
+    only.add_argument(
+        "--score-only", type=Path, metavar="DIR", help="of an earlier run"
+    )
+    return p
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.concealed`; returns the exit code."""
+    arguments = make_parser().parse_args(argv)
+    return guarded(lambda: run(arguments))
+
+
+def run(a: argparse.Namespace) -> None:
+    if a.forge_only:
+        wanted = orders_of(a)
+        digest = forge_into(wanted, a.forge_only, a.jobs)
+        print(f"{len(wanted)} cases in {a.forge_only / 'cases'}; key SHA-256 {digest}")
+        return
+    folder, record = taken_up(a) if a.score_only or a.resume else begun(a)
+    if not a.score_only:
+        diagnose_rest(folder, record, a.jobs)
+    score(folder, record, a)
+
+
+def begun(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
+    """A new trial: its folder, and its record with the hash of the key."""
+    label = f"strength-{a.strength:g}"
+    sealed = a.seed >= orders.FIRST_TRIAL_SEED and not (a.only or a.smoke)
+    record: dict[str, Any] = {"generator": "forge", "seed": a.seed}
+    if a.hands:
+        label, record["side"] = a.hands, a.hands
+        asked = {k: getattr(a, k) for k in COUNTS}
+        counts = {k: COUNTS[k] if v is None else v for k, v in asked.items()}
+        record |= {"generator": "hands", "counts": counts}
+    elif a.cases_in:
+        label, sealed = a.cases_in.resolve().name, False
+        record |= {"generator": "cases", "seed": None}
+        record["cases_in"] = str(a.cases_in.resolve())
+    else:
+        record["strength"] = a.strength
+    foreign = record["generator"] != "forge"
+    record |= {
+        "label": a.label or label,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "published": not a.smoke and (sealed or bool(foreign and a.label)),
+        "smoke": a.smoke,
+    }
+    home = runs_folder(a.smoke)
+    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    name = f"{record['label']}-seed-{a.seed}-{stamp}"
+    folder = a.out or home / "concealed" / name
+    if foreign:
+        if (folder / "record.json").exists():
+            raise InputError(f"{folder} holds a trial; --resume it, or name another")
+        seal_foreign(folder, record, a.jobs)
+    else:
+        wanted = orders_of(a)
+        record["cases"] = len(wanted)
+        record["key_sha256"] = forge_into(wanted, folder, a.jobs)
+        write_record(folder, record)  # on file before anything is diagnosed
+    print(f"{record['cases']} cases in {folder}; key SHA-256 {record['key_sha256']}")
+    return folder, record
+
+
+def taken_up(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
+    """An earlier trial, forged to its end where it was killed before."""
+    folder = a.score_only or a.resume
+    if not (folder / "record.json").exists():
+        raise InputError(f"{folder} holds no record.json; name a trial's folder")
+    record = {"generator": "forge", **json.loads((folder / "record.json").read_text())}
+    if a.cases_in:
+        record["cases_in"] = str(a.cases_in.resolve())  # they may have been moved
+    if "key_sha256" not in record:
+        seal_foreign(folder, record, a.jobs)
+    return folder, record
+
+
+def source(folder: Path, record: Mapping[str, Any]) -> Path:
+    """Where a trial's cases/ (and, by other hands, truth/) lie."""
+    if "cases_in" in record:
+        return Path(record["cases_in"])
+    return folder / "forged" if record.get("generator") == "hands" else folder
+
+
+def seal_foreign(folder: Path, record: dict[str, Any], jobs: int) -> None:
+    """Have the cases of other hands made, where they are not, and seal their truths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_record(folder, record)
+    if record["generator"] == "hands" and not (folder / "forged").exists():
+        half = folder / "forging"  # what was killed here is made anew
+        shutil.rmtree(half, ignore_errors=True)
+        numbers = {"seed": record["seed"], **record["counts"], "jobs": jobs}
+        options = [x for k, v in numbers.items() for x in (f"--{k}", str(v))]
+        command = [*HANDS, "--side", record["side"], *options, "--out", str(half)]
+        if subprocess.run(command, check=False).returncode:
+            raise InputError("the cases of other hands could not be made; see above")
+        half.rename(folder / "forged")
+    truths = read_sealed(lambda: sealing.truths_in(source(folder, record)))
+    record |= {"cases": len(truths), "key_sha256": sealing.seal_of(truths)}
+    write_record(folder, record)
+
+
+def read_sealed(read: Callable[[], Any]) -> Any:
+    try:
+        return read()
+    except (OSError, ValueError) as error:
+        raise InputError(str(error)) from None
+
+
+def diagnose_rest(
+    folder: Path, record: dict[str, Any], jobs: int, timed: int = TIMED_CASES
+) -> None:
+    """Diagnose what is not diagnosed; the record says by which code, and how fast."""
+    cases = source(folder, record) / "cases"
+    if undiagnosed(folder, cases):
+        # More than one, where the code was changed before a trial was taken up again.
+        code = {*record.get("code", []), code_of(package_files())}
+        record["code"] = sorted(code)
+        write_record(folder, record)
+    timed = 0 if record["smoke"] else timed
+    record |= diagnose(folder, jobs, record["seed"] or 0, timed, cases)
+    write_record(folder, record)
+
+
+def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
+    """Open the key, enter that into the ledger, score and report."""
+    place, answers, truths = source(folder, record), [], []
+    where = results_folder(record["smoke"])
+    if record["generator"] == "forge":
+        answers = read_sealed(lambda: sealing.open_key(folder))
+        truths = [details.truth_of(answer) for answer in answers]
+    else:
+        truths = read_sealed(lambda: sealing.open_truths(place, record["key_sha256"]))
+    opening = opening_of(record, truths, place)
+    record["opened_before"] = ledger.enter(opening, where)["opened_before"]
+    diagnoses = scoring.read_diagnoses((t.case for t in truths), folder / "diagnoses")
+    if record["generator"] == "forge":
+        simulated = simulate_unseen(folder, answers)
+        rows = []
+        for answer in answers:
+            times, name = details.read_times(answer, place / "cases"), answer["case"]
+            unseen = simulated.get(name)
+            rows.append(details.row_of(answer, diagnoses[name], times, unseen))
+        scores = scoring.summary(rows) | details.details(rows)
+        explain_misses(scores["misses"], answers)
+    else:
+        rows = [scoring.row(t, diagnoses[t.case]) for t in truths]
+        scores = scoring.summary(rows)
+    if a.noise_check:
+        scores["noise_check"] = noise_check.check(place, truths)
+    (folder / "rows.json").write_text(json.dumps(rows, indent=1) + "\n")
+    report(folder, record, scores, a.tracking)
+    naming = scores["all"]["naming"]
+    right = {c: f"{n['right']} of {n['of']}" for c, n in naming.items()}
+    ledger.enter(opening | {"right": right}, where)
+
+
+def opening_of(
+    record: Mapping[str, Any], truths: Sequence[scoring.Truth], place: Path
+) -> ledger.Row:
+    """What the ledger keeps; what is right comes later."""
+    key = record["key_sha256"]
+    opening = {
+        "trial": f"{record['started']} {key[:16]}",
+        "opened": datetime.now(UTC).strftime("%Y-%m-%d"),
+        **{k: record.get(k) for k in ("generator", "side", "seed", "strength")},
+        "what": record["label"],
+        "counts": dict(Counter(t.cls for t in truths)),
+        "right": {},
+        "code": record.get("code", []),
+        "key_sha256": key,
+    }
+    if record["generator"] == "cases":  # no seed tells which these are
+        data = sealing.truths_in(place).values()
+        opening["truths"] = [hashlib.sha256(d).hexdigest()[:12] for d in data]
+    return opening
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Raise InputError for a name that no effect has."""
+    unknown = sorted(set(names) - set(orders.NAMES))
+    if unknown:
+        raise InputError(
+            f"no effect is called {unknown[0]!r}; allowed are {', '.join(orders.NAMES)}"
+        )
+
+
+def check(names: Sequence[str], strength: float, cases: int, seed: int) -> None:
+    """Raise InputError for what no trial can be planned of."""
+    check_names(names)
+    if not strength > 0:
+        raise InputError(f"strength is {strength:g}; it must be above 0")
+    if cases < 0 or seed < 0:
+        raise InputError("--cases and --seed must be 0 or more")
+
+
+def orders_of(a: argparse.Namespace) -> list[orders.Order]:
+    """The cases asked for; --smoke asks for three."""
+    check(a.only, a.strength, a.cases, a.seed)
+    if a.smoke:
+        few = ["zero_offset"]
+        return orders.plan(
+            a.seed, a.strength, each=1, nulls=1, pairs=0, unlisted=1, only=few
+        )
+    return orders.plan(
+        a.seed,
+        a.strength,
+        each=a.cases,
+        nulls=10 * a.cases if a.nulls is None else a.nulls,
+        pairs=3 * a.cases if a.pairs is None else a.pairs,
+        unlisted=3 * a.cases if a.aliens is None else a.aliens,
+        only=a.only,
+        dirty=a.dirty,
+        simulated=a.simulated,
+    )
+
+
+def forge_into(wanted: Sequence[orders.Order], folder: Path, jobs: int) -> str:
+    try:
+        return sealing.write_cases(wanted, folder, jobs)
+    except FileExistsError as error:
+        raise InputError(str(error)) from None
+
+
+def write_record(folder: Path, record: Mapping[str, Any]) -> None:
+    (folder / "record.json").write_text(json.dumps(record, indent=1) + "\n")
+
+
+def explain_misses(
+    misses: Sequence[dict[str, Any]], answers: Sequence[dict[str, Any]]
+) -> None:
+    """Add to wrongly named cases whether anybody could have told the two apart."""
+    by_name = {a["case"]: a for a in answers}
+    for miss in misses:
+        if not miss["effects"] or not miss["selected"]:
+            continue
+        answer = by_name[miss["case"]]
+        power = rivals.distinct_power(orders.order_of(answer), answer)
+        miss["nearest_rivals"] = dict(list(power.items())[:3])
+        wrong = set(miss["selected"]) - set(answer["effects"])
+        if any(power.get(w, 1.0) < 0.8 for w in wrong):
+            miss["cause"] = "cannot be told from what was named, says the oracle"
+
+
+def undiagnosed(folder: Path, cases: Path) -> list[str]:
+    """Cases that have no diagnosis yet."""
+    return [
+        str(case.absolute())
+        for case in sorted(cases.iterdir())
+        if not (folder / "diagnoses" / case.name / "diagnosis.json").exists()
+    ]
+
+
+def diagnose(
+    folder: Path, jobs: int, seed: int, timed: int, where: Path
+) -> dict[str, Any]:
+    """Run the command on the cases, as a user would; how long it took.
+
+    It is told the folders of the cases (in `where`) and nothing else. Cases that have
+    a diagnosis from an interrupted run are left out.
+    """
+    cases = undiagnosed(folder, where)
+    if not cases:
+        return {}
+    command = [*SOFTNN, "diagnose", "--seed", str(seed), "--jobs"]
+    begun = time.perf_counter()
+    out = str((folder / "diagnoses").resolve())
+    done = subprocess.run([*command, str(jobs), "--out", out, *cases], check=False)
+    wall = time.perf_counter() - begun
+    single = []
+    for case in cases[:timed]:
+        begun = time.perf_counter()
+        out = str((folder / "timed").resolve())
+        subprocess.run(
+            [*command, "2", "--out", out, case],
+            check=False,
+            stdout=subprocess.DEVNULL,
+        )
+        single.append(time.perf_counter() - begun)
+    return {
+        "diagnose_exit": done.returncode,
+        "wall_s": wall,
+        "jobs": jobs,
+        "seconds_a_case": wall / len(cases),
+        "seconds_alone": sorted(single)[len(single) // 2] if single else None,
+    }
+
+
+def simulate_unseen(
+    folder: Path, answers: Sequence[Mapping[str, Any]]
+) -> dict[str, np.ndarray]:
+    """Stress of the corrected models for programmes that stayed in the key, by case.
+
+    `softnn simulate` as a user calls it, but in this process. A model that cannot be
+    simulated is left out, and said.
+    """
+    from softnn.cli import main as softnn
+
+    inputs, found = folder / "unseen", {}
+    inputs.mkdir(exist_ok=True)
+    for answer in answers:
+        name = answer["case"]
+        model = folder / "diagnoses" / name / "model.json"
+        if answer["unseen"] is None or not model.exists():
+            continue
+        file = inputs / f"{name}.csv"
+        columns = {k: v for k, v in answer["unseen"].items() if k != "clean_MPa"}
+        pd.DataFrame(columns).to_csv(file, index=False)
+        command = ["simulate", str(model), str(file), "--out", str(inputs / "out")]
+        with redirect_stdout(io.StringIO()):
+            code = softnn(command)
+        if code == 0:
+            table = pd.read_csv(inputs / "out" / file.name)
+            found[name] = table["simulated_MPa"].to_numpy()
+        else:
+            print(f"{name}: softnn simulate ended with {code}", file=sys.stderr)
+    return found

@@ -1,0 +1,1 @@
+"""How small an effect may be: a grid of strengths and noises beside an oracle."""

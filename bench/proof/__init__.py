@@ -1,0 +1,1 @@
+"""The pages docs/proof*.md, made from studies/results alone."""

@@ -1,0 +1,144 @@
+"""The page's sections on concealed cases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from bench.concealed import reporting
+from bench.concealed.orders import NAMES
+from bench.reporting import ends, share
+from bench.scoring import Rate
+from softnn.study.common import COLOURS, FAINT, markdown, new_figure, percent
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+from bench.proof.page import Page, Result
+
+# Kinds on no list that softnn.mismatch.strangers has a law for, written knowing them.
+WITH_LAWS = (
+    "creep_damage",
+    "crystallisation",
+    "leadscrew",
+    "one_way_flow",
+    "stiction",
+    "thixotropy",
+)
+
+
+def strength_of(trial: Result) -> float:
+    return float(trial["record"]["strength"])
+
+
+def trials_of(found: Result) -> list[Result]:
+    """Trials of a file, the strongest first."""
+    return sorted(found["trials"].values(), key=strength_of, reverse=True)
+
+
+def concealed(page: Page, found: Result) -> None:
+    trials = trials_of(found)
+    for t in trials:
+        record = t["record"]
+        groups = t["all"]["naming"].items()
+        counts = ", ".join(f"{g['of']} {name}" for name, g in groups)
+        page.say(
+            f"Strength {record['strength']:g}, seed {record['seed']}: "
+            f"{record['cases']} cases ({counts}); SHA-256 of the key, on file before "
+            f"anything was diagnosed: `{record['key_sha256'][:16]}...`."
+        )
+    page.say(*dict.fromkeys(t["record"].get("note", "") for t in trials))
+    page.say("### What was found", bars_table(trials))
+    for t in trials:
+        page.say(hidden_sentence(t))
+        page.say(strangers_sentence(t))
+    page.figure("proof-concealed", concealed_figure(trials), "right and alone")
+    page.say("### What was not found, and why")
+    for t in trials:
+        page.say(causes_table(t))
+
+
+def bars_table(trials: Sequence[Result]) -> str:
+    """Every bar, a column a strength."""
+    keys = {b["key"]: b for t in reversed(trials) for b in t["bars"]}
+    rows = []
+    for key, about in keys.items():
+        row = [about["what"]]
+        for t in trials:
+            bar = next((b for b in t["bars"] if b["key"] == key), None)
+            if bar is None or bar.get("rate") is None:
+                row += [None, None]
+                continue
+            value = share(bar) if "low" in bar else f"{bar['rate']:.3g}"
+            row += [value, f"{bar['bar']:g}, {'met' if bar['met'] else 'missed'}"]
+        rows.append(row)
+    heads = [h for t in trials for h in (f"strength {strength_of(t):g}", "bar")]
+    return markdown(["what", *heads], rows)
+
+
+def hidden_sentence(trial: Result) -> str:
+    hidden = trial.get("concealment")
+    if not hidden or "single" not in hidden["groups"]:
+        return ""
+    one, limit = hidden["groups"]["single"], hidden["accepted_below_nrmse"]
+    return (
+        f"At strength {strength_of(trial):g} the base alone, refitted, is within "
+        f"{percent(limit, 0)} of the recordings in {one['accepted']['right']} of "
+        f"{one['accepted']['of']} cases with one effect: a fit that would be accepted "
+        f"by eye. In those the effect was named in {share(one['named'])}, and nothing "
+        f"else with it in {share(one['right'])}."
+    )
+
+
+def strangers_sentence(trial: Result) -> str:
+    """What is on no list, with and without a law that was written for it."""
+    kinds = trial.get("aliens", {})
+    apart = []
+    for known in (True, False):
+        own = [k for name, k in kinds.items() if (name in WITH_LAWS) == known]
+        apart.append(
+            Rate(sum(k["right"] for k in own), sum(k["of"] for k in own)).entry()
+        )
+    if not all(a["of"] for a in apart):
+        return ""
+    with_law, without = (f"{share(a)} of {a['of']}" for a in apart)
+    return (
+        f"At strength {strength_of(trial):g}, of what is on no list, the kinds that "
+        f"softnn has a law for by now ({', '.join(WITH_LAWS)}) got no name "
+        f"in {with_law}; the others in {without}."
+    )
+
+
+def concealed_figure(trials: Sequence[Result]) -> Figure:
+    """Share of cases named right and alone, effect by effect, with intervals."""
+    figure = new_figure(6.4, 4.4)
+    axes = figure.subplots()
+    for i, t in enumerate(trials):
+        effects = t["all"]["effects"]
+        entries = [(n, e) for n in NAMES if (e := effects.get(n)) and e["of"]]
+        y = [NAMES.index(n) + 0.16 * (2 * i - len(trials) + 1) for n, _ in entries]
+        x = [e["rate"] for _, e in entries]
+        axes.errorbar(
+            x,
+            y,
+            xerr=ends([e for _, e in entries]),
+            fmt="o",
+            ms=4,
+            color=COLOURS[i % len(COLOURS)],
+            elinewidth=0.8,
+            label=f"strength {strength_of(t):g}",
+        )
+    axes.set_yticks(range(len(NAMES)), [n.replace("_", " ") for n in NAMES])
+    axes.set_ylim(len(NAMES) - 0.5, -0.5)
+    axes.set_xlim(-0.02, 1.02)
+    axes.set_xlabel("cases in which the effect was named, and nothing else")
+    axes.grid(axis="x", color=FAINT, alpha=0.3, linewidth=0.6)
+    figure.legend(loc="outside lower center", ncols=len(trials), fontsize=8)
+    return figure
+
+
+def causes_table(trial: Result) -> str:
+    """Misses by what was planted and why, the most frequent first."""
+    strength = strength_of(trial)
+    if not trial["misses"]:
+        return f"At strength {strength:g} nothing was missed."
+    return reporting.causes_table(trial["misses"], f"planted, strength {strength:g}")

@@ -1,0 +1,139 @@
+"""The page of the trial by other hands, and of every seed that was ever opened."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from bench import ledger
+from bench.concealed import noise_check, reporting
+from bench.reporting import ends
+from bench.scoring import CLASSES, SEEN
+from softnn.study.common import COLOURS, FAINT, INK, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bench.proof.page import Page
+
+Result = Mapping[str, Any]
+CLASS_NAMES = {
+    "null": "nothing left out",
+    "single": "one effect",
+    "pair": "two effects",
+    "alien": "on no list",
+}
+
+
+def hands(page: Page, found: Result) -> None:
+    trials = found["trials"]
+    page.say(
+        "An effect is named when it is in `selected`, at any probability. Right is: "
+        "those that are there and nothing else; where nothing was left out, "
+        "`nothing_missing`; of what is on no list, no name. Bars are for cases that "
+        f"can be seen: a refit of the base leaves a whitened energy above {SEEN:g}, of "
+        "two effects each that much beside the other. The others are counted apart."
+    )
+    page.figure("proof-hands-naming", naming_figure(trials), "right, class by class")
+    page.figure("proof-hands-reliability", reliability_figure(trials), "reliability")
+    for label, t in trials.items():
+        record = t["record"]
+        counts = ", ".join(f"{n['of']} {c}" for c, n in t["all"]["naming"].items())
+        seed = "" if record["seed"] is None else f", seed {record['seed']}"
+        page.say(
+            f"### {label}",
+            f"{record['cases']} cases{seed} "
+            f"({counts}); SHA-256 of the truths "
+            f"`{record['key_sha256'][:16]}...`; hash of softnn's code "
+            f"{', '.join(record['code']) or 'not kept'}.",
+            opened_before(record),
+            reporting.bars_table(t["bars"]),
+            reporting.parts_table(t),
+            reporting.effects_table(t),
+            "Of names at a probability, in all cases:",
+            reporting.calibration_table(t["all"]["calibration"]),
+        )
+        if t.get("noise_check"):
+            page.say(noise_check.table(t["noise_check"]))
+        page.say(reporting.causes_table(t["misses"]))
+
+
+def opened_before(record: Result) -> str:
+    before = record.get("opened_before")
+    if not before:
+        return ""
+    return f"**Opened before** ({'; '.join(before)}): no fresh evidence."
+
+
+def openings(page: Page, found: Result) -> None:
+    rows = found["openings"]
+    page.say(
+        f"{len(rows)} openings, the newest first. Named and right, class by class, as "
+        "the rule of the time counted; of what is on no list, cases without any name. "
+        "Later changes were made knowing what was opened before.",
+        ledger.table(rows),
+    )
+
+
+def naming_figure(trials: Result) -> Figure:
+    """Share right of the cases to be seen, a group of bars a class, with intervals."""
+    figure = new_figure(6.4, 3.2)
+    axes = figure.subplots()
+    width = 0.8 / max(len(trials), 1)
+    for i, (label, t) in enumerate(trials.items()):
+        naming = t["visible"]["naming"]
+        shown = [c for c in CLASSES if c in naming]
+        x = [CLASSES.index(c) + (i + 0.5) * width - 0.4 for c in shown]
+        rates = [naming[c] for c in shown]
+        axes.bar(
+            x,
+            [r["rate"] for r in rates],
+            0.9 * width,
+            color=COLOURS[i % len(COLOURS)],
+            label=label,
+        )
+        axes.errorbar(
+            x,
+            [r["rate"] for r in rates],
+            ends(rates),
+            fmt="none",
+            ecolor=INK,
+            capsize=2,
+        )
+        for at, r in zip(x, rates, strict=True):
+            axes.text(at, 0.02, f"{r['right']}/{r['of']}", ha="center", color="white")
+    axes.set_xticks(range(len(CLASSES)), [CLASS_NAMES[c] for c in CLASSES])
+    axes.set_ylim(0, 1.02)
+    axes.set_ylabel("share of cases right")
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8)
+    return figure
+
+
+def reliability_figure(trials: Result) -> Figure:
+    """Of names at a probability, the share that is right: on the line is right."""
+    figure = new_figure(4.4, 4.4)
+    axes: Axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8)
+    for i, (label, t) in enumerate(trials.items()):
+        deciles = t["all"]["calibration"].get("deciles", [])
+        colour = COLOURS[i % len(COLOURS)]
+        x, y = [d["mean"] for d in deciles], [d["rate"] for d in deciles]
+        axes.errorbar(
+            x, y, ends(deciles), fmt="o-", ms=4, lw=0.8, color=colour, label=label
+        )
+        for d in deciles:
+            axes.annotate(
+                f"{d['of']}",
+                (d["mean"], d["rate"]),
+                xytext=(5, 4 + 9 * i),
+                textcoords="offset points",
+                fontsize=7,
+                color=colour,
+            )
+    axes.set_xlim(0, 1.05)
+    axes.set_ylim(-0.02, 1.05)
+    axes.set_xlabel("probability of a name (number of names at the points)")
+    axes.set_ylabel("share of names right")
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8)
+    return figure

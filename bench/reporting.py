@@ -1,0 +1,127 @@
+"""What all trials report alike: shares and intervals, a result file, an MLflow run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from softnn.study.common import (
+    database,
+    fingerprint,
+    percent,
+    results_folder,
+    write_result,
+)
+
+
+def cell(entry: Mapping[str, Any] | None) -> str | None:
+    """A rate as counts and interval; None where there is no case.
+
+    >>> cell({"right": 1, "of": 4, "low": 0.0456, "high": 0.6994})
+    '1 of 4 (5 to 70 %)'
+    """
+    if not entry or not entry["of"]:
+        return None
+    ends = f"{percent(entry['low'], 0)} to {percent(entry['high'], 0)}"
+    return f"{entry['right']} of {entry['of']} ({ends.replace(' %', '', 1)})"
+
+
+def share(entry: Mapping[str, Any] | None) -> str | None:
+    """A rate with its interval.
+
+    >>> share({"rate": 0.5, "low": 0.25, "high": 0.75, "of": 8})
+    '50 % (25 to 75)'
+
+    One miss in many is not none.
+
+    >>> share({"rate": 0.995, "low": 0.972, "high": 0.9991, "of": 200})
+    '99.5 % (97 to 99.9)'
+    """
+    if not entry or entry.get("rate") is None or not entry.get("of"):
+        return None
+    # All or none needs no tenth.
+    ends = entry["rate"] in (0, 1)
+    rate, low, high = (
+        f"{100 * v:.{int(not ends and (0 < v < 0.01 or 0.99 < v < 1))}f}"
+        for v in (entry["rate"], entry["low"], entry["high"])
+    )
+    return f"{rate} % ({low} to {high})"
+
+
+def ends(rates: Sequence[Mapping[str, Any]]) -> list[list[float]]:
+    """How far intervals reach below and above, for error bars."""
+    below = [r["rate"] - r["low"] for r in rates]
+    return [below, [r["high"] - r["rate"] for r in rates]]
+
+
+def publish(
+    name: str,
+    record: Mapping[str, Any],
+    headline: Mapping[str, float | None],
+    trial: Mapping[str, Any],
+    folder: Path,
+) -> Path:
+    """Write a trial into NAME.json, beside those of other labels; the path.
+
+    It goes to the project's results if it is to be published, else into `folder`.
+    """
+    label = str(record["label"])
+    trials: dict[str, Any] = {}
+    where = results_folder() if record["published"] else folder
+    earlier = where / f"{name}.json"
+    if record["published"] and earlier.exists():
+        old = json.loads(earlier.read_text(encoding="utf-8"))
+        trials = {k: v for k, v in old["trials"].items() if k != label}
+        kept = {k: v for k, v in old["headline"].items() if k.split("/")[0] in trials}
+        headline = kept | dict(headline)
+    trials[label] = trial
+    keys = {f"{k} key": t["record"]["key_sha256"] for k, t in trials.items()}
+    return write_result(
+        name, headline, {"trials": trials}, seed=record["seed"], data=keys, folder=where
+    )
+
+
+def track(
+    record: Mapping[str, Any],
+    metrics: Mapping[str, float | None],
+    note: str,
+    files: Sequence[Path],
+    uri: str | None,
+    study: str = "concealed",
+) -> None:
+    """One MLflow run for a trial with a sealed key, with its figures and its table."""
+    label = f"{record['label']}/"
+    tracked(
+        study,
+        {k.removeprefix(label): v for k, v in metrics.items() if k.startswith(label)},
+        database(uri, record["smoke"]),
+        study=f"{study} {record['label']}",
+        identity=fingerprint(dict(record)),
+        name=f"{record['label']} seed {record['seed']}",
+        parameters={
+            k: record.get(k) for k in ("strength", "side", "seed", "cases", "jobs")
+        },
+        data=("sealed key", str(record["key_sha256"])),
+        note=note,
+        files=files,
+    )
+
+
+def tracked(
+    experiment: str,
+    metrics: Mapping[str, Any],
+    uri: str,
+    *,
+    note: str,
+    files: Sequence[Path],
+    texts: Mapping[str, str] | None = None,
+    **about: Any,
+) -> None:
+    """One MLflow run; `about` is what `softnn.tracking.Tracker` asks for."""
+    from softnn.tracking import Tracker
+
+    numbers = {k: float(v) for k, v in metrics.items() if isinstance(v, int | float)}
+    with Tracker(uri, experiment, **about) as tracker:
+        tracker.result(numbers, note=note, files=files, texts=texts)

@@ -1,0 +1,338 @@
+"""Simulation of recordings for many guesses, whitened by the noise of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softnn.bounded import innovations, whitened
+from softnn.contracts import Array, Chunk, Effect, Signal
+from softnn.fit.point import Data, Guess, Slot
+from softnn.models.units import Units
+from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
+
+KEPT = 6  # strains that reached the model, last asked for
+ROOM = 3e7  # numbers that may be kept so, where recordings are many
+
+HIGHEST = 0.995  # correlation of neighbouring samples
+Memory_s = Sequence[tuple[float, float]]  # (share of the variance, time in s), parts
+Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
+
+
+def span(columns: Array) -> Array:
+    """Orthonormal basis (n, rank) of columns (n, k), those that depend left out."""
+    norm = np.linalg.norm(columns, axis=0)
+    columns = columns[:, norm > 0] / norm[norm > 0]
+    # By the Gram matrix, a tenth of the time of a decomposition of the columns; columns
+    # are few and only clear directions are kept, so that its lesser accuracy will do.
+    size, turn = np.linalg.eigh(columns.T @ columns)
+    clear = size > 1e-10 * size.max(initial=0.0)
+    return columns @ (turn[:, clear] / np.sqrt(size[clear]))
+
+
+class Engine:
+    """Simulates the data for many guesses; keeps what does not change between them."""
+
+    def __init__(
+        self,
+        data: Data,
+        sigma_MPa: Sequence[Array] | None = None,
+        memory: Sequence[Memory_s] | None = None,
+        remainder: Sequence[Array] | None = None,
+    ) -> None:
+        """`sigma_MPa` (n,) and `memory` of each recording: its noise (`softnn.noise`).
+
+        `remainder` (n,) of each recording is added to the equilibrium stress: what a
+        simulation that is not refitted has beyond its stand-in.
+        """
+        self.data = data
+        self.chunks = run_on(data.chunks, data.continued)
+        self.remainder = remainder
+        self.measured = np.concatenate(data.stress_MPa)
+        self.valid = np.isfinite(self.measured)
+        self.recording = np.repeat(
+            np.arange(len(data.chunks)), [len(s) for s in data.stress_MPa]
+        )
+        self.owner = self.recording[self.valid]
+        self.complete = bool(self.valid.all())
+        self.target = self.measured[self.valid]
+        self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
+        self.fine: Engine | None = None  # the same recordings with all their samples
+        self.body = False  # weigh all samples alike, as if the noise were white
+        self._cache: dict[Any, Any] = {}
+        self._inputs: dict[Any, list[Input]] = {}
+        self.noises = 0  # set so far: which one is in force
+        self._blind: Array | None = None  # orthonormal, whitened: what no fit may see
+        self.set_noise(sigma_MPa, memory)
+
+    def set_noise(
+        self,
+        sigma_MPa: Sequence[Array] | None,
+        memory: Sequence[Memory_s] | None,
+    ) -> None:
+        """Weigh by a noise: standard deviation (n,) and memory of each recording."""
+        n = len(self.measured)
+        sigma = np.ones(n) if sigma_MPa is None else np.concatenate(sigma_MPa)
+        self.sigma = sigma[self.valid]
+        time = np.concatenate([c.time_s for c in self.data.chunks])[self.valid]
+        memory = memory or [()] * len(self.data.chunks)
+        parts = max((len(m) for m in memory), default=0)
+        share, tau = np.zeros((2, len(memory), parts))
+        tau += 1.0
+        for r, own in enumerate(memory):
+            for k, (weight, seconds) in enumerate(own):
+                share[r, k], tau[r, k] = weight, seconds
+        step = np.diff(time, prepend=time[:1])[:, None]
+        self._first = np.diff(self.owner, prepend=-1) != 0
+        decay = np.exp(-np.maximum(step, 0.0) / tau[self.owner])
+        # Samples at one time are not one sample.
+        self._decay = np.minimum(decay, HIGHEST)
+        own_share = share[self.owner]
+        self._gain, self._scale = innovations(
+            self._decay,
+            own_share,
+            np.maximum(1 - own_share.sum(axis=1), 0.0),
+            self._first,
+        )
+        # Of the density of what is whitened, so that noises can be held against noises.
+        self.log_norm = float(np.sum(np.log(self._scale / self.sigma)))
+        self.noises += 1
+
+    @contextmanager
+    def blind(self, columns: Array) -> Iterator[None]:
+        """Fits within do not see the changes of stress `columns` (valid, k).
+
+        They are projected out of everything whitened, as if each were a free linear
+        parameter of the fit.
+        """
+        white = self.whiten(columns)
+        norm = np.linalg.norm(white, axis=0)
+        u, s, _ = np.linalg.svd(
+            white[:, norm > 0] / norm[norm > 0], full_matrices=False
+        )
+        self._blind = u[:, s > 1e-6 * s.max(initial=0.0)]
+        try:
+            yield
+        finally:
+            self._blind = None
+
+    def whiten(self, x: Array) -> Array:
+        """Rows (valid samples, ...) as if the noise were independent, of variance 1."""
+        out = self._whiten(x)
+        if self._blind is not None:
+            out -= self._blind @ (self._blind.T @ out)
+        return out
+
+    def _whiten(self, x: Array) -> Array:
+        rows = np.ascontiguousarray(x if x.ndim == 2 else x[:, None], float)
+        out = whitened(
+            rows, self.sigma, self._decay, self._gain, self._scale, self._first
+        )
+        return out if x.ndim == 2 else out[:, 0]
+
+    def columns(self, units: Units, r: int, chunk: Chunk, state: Any) -> Any:
+        """Unit columns of recording r; kept when the strain is the commanded one."""
+        plain = chunk.strain is self.chunks[r].strain or chunk.branch_strain is None
+        own_time = chunk.time_s is not self.chunks[r].time_s
+        key = (units, r)
+        if plain and key in self._cache:
+            return self._cache[key]
+        last, inner = (None, None) if state is None else state
+        decays = (
+            units.decays(chunk.time_s, last)
+            if own_time
+            else self.decays(units, r, chunk.time_s, last)
+        )
+        seen = chunk.strain if chunk.branch_strain is None else chunk.branch_strain
+        branch, inner = units.branches(decays, seen, inner)
+        out = (units.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner))
+        if plain:
+            self._cache[key] = out
+        return out
+
+    def decays(
+        self, units: Units, r: int, time_s: Array, last: float | None = None
+    ) -> tuple[Array, Array]:
+        """Decay and gain of the branches in recording r; kept."""
+        key = (units.relaxation_times, r)
+        if key not in self._cache:
+            if len(self._cache) > 400:
+                self._cache.clear()
+            self._cache[key] = units.decays(time_s, last)
+        found: tuple[Array, Array] = self._cache[key]
+        return found
+
+    def inputs(self, units: Units, terms: Sequence[Term], every: Any) -> list[Input]:
+        """What reaches the model in each recording, and its unit columns there.
+
+        Kept for the last few, as stiffnesses and what acts after the model change
+        nothing of it. `every` (terms, recordings): the values of the terms.
+        """
+        front = [t for t in terms if t.effect.acts_before]
+        values = (
+            ((k, np.asarray(v).tobytes()) for k, v in t.values.items()) for t in front
+        )
+        key = units, *((type(t.effect), *v) for t, v in zip(front, values, strict=True))
+        if key in self._inputs:
+            return self._inputs[key]
+        out: list[Input] = []
+        memory: Memory = {}
+        state = None
+        for r, chunk in enumerate(self.chunks):
+            if not self.data.continued:
+                memory, state = {}, None
+            signal = reach(terms, [own[r] for own in every], chunk, memory)
+            inner = chunk
+            if front:
+                inner = to_model(signal)
+            springs, branch, state = self.columns(units, r, inner, state)
+            out.append((signal, springs, branch))
+        size = sum(springs.size + branch.size for _, springs, branch in out)
+        while self._inputs and len(self._inputs) >= min(KEPT, ROOM // max(size, 1)):
+            del self._inputs[next(iter(self._inputs))]
+        self._inputs[key] = out
+        return out
+
+    def run(self, guess: Guess, columns: bool) -> tuple[Array, Array | None]:
+        """Stress (valid,) of a guess and, if asked, its derivative by each stiffness.
+
+        The derivative is a difference over a small step, pushed through the effects;
+        for effects that are linear in stress it is exact. Where they take each moment
+        by itself one step of either part serves all its columns, else each has its own.
+        """
+        terms = guess.terms()
+        x, segments = guess.stiffness, guess.units.segments
+        plain = all(type(t.effect).after is Effect.after for t in terms)
+        # A solver within bounds asks far too often to be checked each time.
+        every = [t.each(len(self.chunks)) for t in terms]
+        stress = np.empty(len(self.measured))
+        slope = np.empty((len(stress), len(x))) if columns else None
+        memory: Memory = {}
+        inputs = self.inputs(guess.units, terms, every)
+        starts = self.data.starts
+        for r, (signal, springs, branch) in enumerate(inputs):
+            if not self.data.continued:
+                memory = {}
+            rows = slice(starts[r], starts[r + 1])
+            eq = springs @ x[:segments]
+            if self.remainder is not None:
+                eq = eq + self.remainder[r]
+            br = branch @ x[segments:]
+            values = [own[r] for own in every]
+            if slope is None or plain:
+                stress[rows] = (
+                    eq + br
+                    if plain
+                    else self._through(
+                        terms, values, signal, eq[:, None], br[:, None], memory
+                    )[:, 0]
+                )
+                if slope is not None:
+                    slope[rows, :segments], slope[rows, segments:] = springs, branch
+                continue
+            step = 1e-4 * max(float(np.abs(eq + br).max()), self.level)
+            if all(t.effect.pointwise for t in terms):
+                e = np.stack([eq, eq + step, eq], axis=1)
+                b = np.stack([br, br, br + step], axis=1)
+                out = self._through(terms, values, signal, e, b, memory)
+                by = (out[:, 1:] - out[:, :1]) / step
+                np.multiply(springs, by[:, :1], out=slope[rows, :segments])
+                np.multiply(branch, by[:, 1:], out=slope[rows, segments:])
+            else:
+                both = (springs, branch)
+                highest = np.concatenate([np.abs(c).max(axis=0) for c in both])
+                h = step / np.maximum(highest, 1e-30)
+                e = np.repeat(eq[:, None], len(h) + 1, axis=1)
+                b = np.repeat(br[:, None], len(h) + 1, axis=1)
+                e[:, 1 : 1 + segments] += springs * h[:segments]
+                b[:, 1 + segments :] += branch * h[segments:]
+                out = self._through(terms, values, signal, e, b, memory)
+                slope[rows] = (out[:, 1:] - out[:, :1]) / h
+            stress[rows] = out[:, 0]
+        return self._seen(stress), None if slope is None else self._seen(slope)
+
+    def within(self, recordings: Sequence[int]) -> NDArray[np.bool]:
+        """Which valid samples are of these recordings."""
+        mine = np.zeros(len(self.chunks), bool)
+        mine[list(recordings)] = True
+        return mine[self.owner]
+
+    def _seen(self, whole: Array) -> Array:
+        return whole if self.complete else whole[self.valid]
+
+    def beside(
+        self, guess: Guess, moves: Sequence[Sequence[tuple[Slot, float]]]
+    ) -> Array:
+        """Change of stress (valid, moves) as slots of the guess's pieces are moved.
+
+        One pass for all moves; recordings must not go on from one another. The guess
+        goes through it beside them, so that what changes nothing changes by nothing.
+        """
+        sets = len(moves) + 1
+        terms, count = guess.terms(), len(self.chunks)
+        every = [[dict(own) for own in t.each(count)] for t in terms]
+        front, own_copy = False, set()
+        for i, moved in enumerate(moves, start=1):
+            for slot, value in moved:
+                front = front or terms[slot.piece].effect.acts_before
+                of = range(count) if slot.recordings is None else slot.recordings
+                for r in of:
+                    values = every[slot.piece][r]
+                    if (slot.piece, r, slot.name) not in own_copy:
+                        own_copy.add((slot.piece, r, slot.name))
+                        values[slot.name] = np.repeat(values[slot.name], sets)
+                    values[slot.name][i] = value
+        x, segments = guess.stiffness, guess.units.segments
+        inputs = [] if front else self.inputs(guess.units, terms, every)
+        change = []
+        for r, chunk in enumerate(self.chunks):
+            values_ = [own[r] for own in every]
+            if front:
+                signal = reach(terms, values_, chunk, {})
+                eq = guess.units.spring_stress(signal.strain, x[:segments])
+                br = self._borne(guess.units, r, signal, x[segments:])
+            else:
+                signal, springs, branch = inputs[r]
+                eq = (springs @ x[:segments])[:, None]
+                br = (branch @ x[segments:])[:, None]
+            if self.remainder is not None:
+                eq = eq + self.remainder[r][:, None]
+            out = self._through(terms, values_, signal, eq, br, {})
+            out = np.broadcast_to(out, (len(out), sets))
+            change.append(out[:, 1:] - out[:, :1])
+        return self._seen(np.concatenate(change))
+
+    def _borne(self, units: Units, r: int, signal: Signal, stiffness: Array) -> Array:
+        """Stress (n, sets) of the branches, each set in its own time."""
+        strain, time = signal.branch_strain, signal.branch_time_s
+        if time is None:
+            decays = self.decays(units, r, signal.time_s)
+            return units.branch_stress(decays, strain, stiffness)
+        sets = max(strain.shape[1], time.shape[1])
+        strain, time = (np.broadcast_to(a, (len(a), sets)) for a in (strain, time))
+        columns = [
+            units.branch_stress(
+                units.decays(time[:, j], None), strain[:, j : j + 1], stiffness
+            )
+            for j in range(sets)
+        ]
+        return np.concatenate(columns, axis=1)
+
+    @staticmethod
+    def _through(
+        terms: Any, values: Any, signal: Signal, eq: Array, br: Array, memory: Memory
+    ) -> Array:
+        return measured(
+            terms, values, replace(signal, equilibrium=eq, branches=br), memory
+        )
+
+    def by_recording(self, x: Array) -> list[Array]:
+        """Values of valid samples, as one array with NaN elsewhere a recording."""
+        full = np.full(len(self.measured), np.nan)
+        full[self.valid] = x
+        return np.split(full, self.data.starts[1:-1])

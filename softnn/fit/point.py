@@ -1,0 +1,146 @@
+"""What is fitted, and to what: recordings, a point of the search, its free numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array, Chunk, Effect, Scales
+from softnn.models.units import Units
+from softnn.simulate import Term
+
+
+@dataclass(frozen=True)
+class Data:
+    """Recordings as a fit wants them: histories without gaps, stress with a mask."""
+
+    names: tuple[str, ...]
+    chunks: tuple[Chunk, ...]
+    stress_MPa: tuple[Array, ...]
+    continued: bool = False
+    simulated_MPa: tuple[Array, ...] | None = None
+
+    @property
+    def starts(self) -> Array:
+        """Where each recording begins among all samples, and the end of the last."""
+        return np.concatenate([[0], np.cumsum([len(s) for s in self.stress_MPa])])
+
+    def scales(self) -> Scales:
+        """Sizes from which searches start; quantiles, so that spikes do not rule."""
+        strain = np.concatenate([np.abs(c.strain) for c in self.chunks])
+        stress = np.abs(np.concatenate(self.stress_MPa))
+        steps = np.concatenate([np.diff(c.time_s) for c in self.chunks])
+        warm = [c.temperature_C for c in self.chunks if c.temperature_C is not None]
+        spread = np.concatenate(warm) if warm else np.zeros(1)
+        return Scales(
+            strain=float(strain.max()),
+            stress_MPa=float(np.nanquantile(stress, 0.998)),
+            interval_s=float(np.median(steps[steps > 0])),
+            duration_s=np.array([c.time_s[-1] - c.time_s[0] for c in self.chunks]),
+            temperature_C=float(np.nanmax(spread) - np.nanmin(spread)),
+        )
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An effect in a fit: its values, which of them are free, and for which recordings.
+
+    `groups` are the sets of recordings that share a value of the `per_recording`
+    parameters; recordings in no group stay off.
+    """
+
+    effect: Effect
+    values: dict[str, Any]
+    free: tuple[str, ...]
+    groups: tuple[tuple[int, ...], ...] = ()
+    nuisance: bool = False  # always there, never news: the scatter between specimens
+    unsaid: bool = False  # of specimens that nobody named
+
+    def term(self) -> Term:
+        return Term(self.effect, self.values)
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A point of the search: base, stiffnesses (columns,) in MPa, pieces."""
+
+    units: Units
+    stiffness: Array
+    pieces: tuple[Piece, ...] = ()
+
+    def terms(self) -> list[Term]:
+        return [p.term() for p in self.pieces]
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One free number of a guess; piece -1 is the base."""
+
+    piece: int
+    name: str
+    recordings: tuple[int, ...] | None  # None: shared by all
+    logarithmic: bool
+    low: float
+    high: float
+    typical: float
+
+    def inside(self, value: float) -> float:
+        return float(np.log(value)) if self.logarithmic else value / self.typical
+
+    def outside(self, value: float) -> float:
+        v = np.exp(value) if self.logarithmic else value * self.typical
+        return float(np.clip(v, self.low, self.high))
+
+
+def slots(guess: Guess) -> list[Slot]:
+    """The free numbers of a guess beside the stiffnesses."""
+    out = []
+    for j, time in enumerate(guess.units.relaxation_times):
+        if guess.units.name.endswith("sls"):
+            out.append(Slot(-1, str(j), None, True, time / 1e4, time * 1e4, time))
+    for i, piece in enumerate(guess.pieces):
+        for p in piece.effect.parameters:
+            if p.name not in piece.free:
+                continue
+            own = p.name in piece.effect.per_recording
+            for group in piece.groups if own else [None]:
+                held = np.asarray(piece.values[p.name])
+                value = float(held[group[0]]) if group is not None else float(held)
+                typical = abs(value) or abs(p.default) or 1.0
+                out.append(
+                    Slot(i, p.name, group, p.scale == "log", p.low, p.high, typical)
+                )
+    return out
+
+
+def get(guess: Guess, slot: Slot) -> float:
+    if slot.piece < 0:
+        return guess.units.relaxation_times[int(slot.name)]
+    value = guess.pieces[slot.piece].values[slot.name]
+    return float(value if slot.recordings is None else value[slot.recordings[0]])
+
+
+def put(guess: Guess, where: Sequence[Slot], values: Sequence[float]) -> Guess:
+    """The guess with other values in the slots."""
+    pieces = [dict(p.values) for p in guess.pieces]
+    times = list(guess.units.relaxation_times)
+    for slot, value in zip(where, values, strict=True):
+        if slot.piece < 0:
+            times[int(slot.name)] = value
+        elif slot.recordings is None:
+            pieces[slot.piece][slot.name] = value
+        else:
+            array = np.array(pieces[slot.piece][slot.name], float)
+            array[list(slot.recordings)] = value
+            pieces[slot.piece][slot.name] = array
+    units = guess.units
+    if tuple(times) != units.relaxation_times:
+        units = replace(units, relaxation_times=tuple(times))
+    return Guess(
+        units,
+        guess.stiffness,
+        tuple(replace(p, values=v) for p, v in zip(guess.pieces, pieces, strict=True)),
+    )

@@ -1,0 +1,310 @@
+"""model.json: a simulation as numbers that anybody can read, and stress from it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from softnn.axes import SPECIMEN, Axes, common
+from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
+from softnn.effects import effect
+from softnn.fit import Guess, Piece
+from softnn.models.units import BASES, Units
+from softnn.recording import Recording
+from softnn.simulate import Term, simulate
+from softnn.state import FEATURES, features
+
+if TYPE_CHECKING:
+    from softnn.neural import StoredNetwork
+
+VERSION = 1
+KIND, NETWORK = "softnn-model", "softnn-network"
+HISTORIES = ("fresh", "continued")
+LARGEST = 1e30  # of any number in a file: what is far beyond it is junk
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A stress, MPa, that a network adds: what no effect explains.
+
+    Kept to the ranges of its training: a slower or longer recording than any it knows
+    would have it extrapolate.
+    """
+
+    features: tuple[str, ...]  # of `softnn.state`
+    network: Any
+
+    def at(self, x: Array) -> Array:
+        """What the network says (n,) of features (n, d)."""
+        inputs, target = self.network.inputs, self.network.target
+        known = self.network.predict(np.clip(x, inputs.low, inputs.high))
+        return np.clip(known, target.low, target.high)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready; `from_dict` takes it back."""
+        return {"features": list(self.features), "network": self.network.to_dict()}
+
+    @classmethod
+    def from_dict(cls, given: Any) -> Correction:
+        """Raises `InputError` for features that are not known, or are not as many."""
+        from softnn.neural import Network
+
+        known = (*FEATURES, "temperature_C")
+        names = given["features"]
+        if not isinstance(names, list) or not set(names) <= set(known):
+            raise InputError(f"learned: features are {names!r}; allowed: {list(known)}")
+        network = Network.from_dict(given["network"])
+        if len(network.inputs.low) != len(names):
+            raise InputError(
+                f"learned: a network of {len(network.inputs.low)} inputs, and "
+                f"{len(names)} features"
+            )
+        return cls(tuple(names), network)
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A model as stored: base, stiffnesses, effects, and what was learned, if anything.
+
+    `own` holds, per effect and parameter, the values of single recordings by name.
+    `simulation` is the model that this one corrects, where that is a stored one too.
+    """
+
+    units: Units
+    stiffness: Array
+    pieces: tuple[Piece, ...]
+    own: tuple[dict[str, dict[str, float]], ...]
+    needs_simulated: bool
+    history: str
+    learned: Correction | None = None
+    simulation: Stored | StoredNetwork | None = None
+    source: dict[str, Any] | None = None  # as the file holds it
+    axes: Axes = SPECIMEN  # what its strain and MPa are
+
+    def simulate(
+        self, recording: Recording, simulated_MPa: Array | None = None
+    ) -> Array:
+        """Stress (n,) over the strain of a recording, MPa; its own stress is not used.
+
+        Of a component, both are in its own units: those of `axes`. What the model
+        knows of single recordings it finds by name. `simulated_MPa` (n,) is needed by a
+        model that corrects a simulation from elsewhere.
+        """
+        common({"the model": self.axes, recording.name: recording.axes})
+        return self.stress([recording.name], [recording.history], [simulated_MPa])[0]
+
+    def stress(
+        self,
+        names: Sequence[str],
+        chunks: Sequence[Chunk],
+        simulated: Sequence[Array | None],
+        continued: bool | None = None,
+    ) -> list[Array]:
+        """Stress (n,) of each history, MPa. Recordings unknown by name are plain.
+
+        Strain and stress are in the units of `axes`.
+        """
+        if self.simulation is not None:
+            simulated = self.simulation.stress(names, chunks, simulated, continued)
+        x, y = self.axes.strain.one, self.axes.stress.one
+        chunks = [replace(c, strain=np.asarray(c.strain) / x) for c in chunks]
+        simulated = [None if s is None else np.asarray(s) / y for s in simulated]
+        return [y * s for s in self._counted(names, chunks, simulated, continued)]
+
+    def _counted(
+        self,
+        names: Sequence[str],
+        chunks: Sequence[Chunk],
+        simulated: Sequence[Array | None],
+        continued: bool | None,
+    ) -> list[Array]:
+        """The same in strain and MPa."""
+        follow = self.history == "continued" if continued is None else continued
+        terms = []
+        for piece, own in zip(self.pieces, self.own, strict=True):
+            values = dict(piece.values)
+            for name in piece.effect.per_recording:
+                off = piece.effect.off.get(name)
+                plain = values[name] if off is None else off
+                values[name] = np.array(
+                    [own.get(name, {}).get(n, plain) for n in names], float
+                )
+            terms.append(Term(piece.effect, values))
+        out = simulate(self.units, self.stiffness, terms, chunks, follow)
+        if self.needs_simulated:
+            plain = simulate(self.units, self.stiffness, [], chunks, follow)
+            for i, given in enumerate(simulated):
+                if given is None:
+                    raise InputError(
+                        f"{names[i]}: this model corrects a simulation; the recording "
+                        f"needs its column {self.axes.simulated}"
+                    )
+                out[i] = out[i] + given - plain[i]
+        if self.learned is not None:
+            for i, chunk in enumerate(chunks):
+                out[i] = out[i] + self.learned.at(
+                    features(chunk, self.learned.features)
+                )
+        return out
+
+
+def to_dict(
+    guess: Guess,
+    recordings: Sequence[str],
+    history: str,
+    needs_simulated: bool,
+    learned: Correction | None = None,
+    simulation: Mapping[str, Any] | None = None,
+    axes: Axes = SPECIMEN,
+) -> dict[str, Any]:
+    """A guess as model.json; readable, and stable under writing and reading.
+
+    `axes` say what its strain and MPa are, where it is a component's.
+    """
+
+    def unit(p: Parameter) -> str:
+        size, name = axes.of(p)
+        return name if size == 1 else f"{size:g} {name}"
+
+    effects = []
+    for piece in guess.pieces:
+        values: dict[str, float] = {}
+        own: dict[str, dict[str, float]] = {}
+        for p in piece.effect.parameters:
+            v = piece.values[p.name]
+            if np.ndim(v):
+                own[p.name] = {n: float(x) for n, x in zip(recordings, v, strict=True)}
+                values[p.name] = float(piece.effect.off.get(p.name, p.default))
+            else:
+                values[p.name] = float(v)
+        effects.append(
+            {
+                "effect": piece.effect.id,
+                "form": piece.effect.form,
+                "values": values,
+                "units": {p.name: unit(p) for p in piece.effect.parameters},
+                "own": own,
+            }
+        )
+    return {
+        "kind": KIND,
+        "version": VERSION,
+        "history": history,
+        "base": {
+            "name": guess.units.name,
+            "knots": [float(k) for k in guess.units.knots],
+            "relaxation_times_s": [float(t) for t in guess.units.relaxation_times],
+            "stiffness_MPa": [float(k) for k in guess.stiffness],
+            "corrects_simulated_MPa": needs_simulated,
+        },
+        "effects": effects,
+        "learned": None if learned is None else learned.to_dict(),
+        "simulation": None if simulation is None else dict(simulation),
+        **({"axes": axes.to_dict()} if axes.component else {}),
+    }
+
+
+def read_model(path: str | Path) -> Stored | StoredNetwork:
+    """A model.json, or the file of a trained network.
+
+    Raises `InputError` naming what is wrong with it.
+    """
+    path = Path(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
+    except FileNotFoundError:
+        raise InputError("no such file", file=path) from None
+    except RecursionError:
+        raise InputError("not a JSON file: nested too deep", file=path) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"not a JSON file: {error}", file=path) from None
+    return from_dict(data, path)
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _number(value: Any) -> float:
+    x = float(value)
+    if not abs(x) < LARGEST:
+        raise InputError(f"{x} is out of range; numbers are finite, below {LARGEST}")
+    return x
+
+
+def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
+    """The model that a file holds. Raises `InputError`, which names the file."""
+    try:
+        if isinstance(data, dict) and data.get("kind") == NETWORK:
+            from softnn.neural import stored
+
+            return stored.from_dict(data)
+        return _stored(data)
+    except InputError as error:
+        raise InputError(str(error), file=path) from None
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"cannot be read as a model: {error!r}", file=path) from None
+
+
+def _stored(data: Any) -> Stored:
+    if not isinstance(data, dict) or data.get("kind") != KIND:
+        raise InputError(f"no model.json of softnn (kind is not {KIND!r})")
+    if data.get("version") != VERSION:
+        raise InputError(
+            f"version is {data.get('version')!r}; this softnn reads {VERSION}"
+        )
+    base = data["base"]
+    units = Units(
+        str(base["name"]),
+        tuple(_number(k) for k in base["knots"]),
+        tuple(_number(t) for t in base["relaxation_times_s"]),
+    )
+    if units.name not in BASES:
+        raise InputError(f"no base {units.name!r}; allowed: {', '.join(BASES)}")
+    stiffness = np.array([_number(k) for k in base["stiffness_MPa"]])
+    if stiffness.shape != (units.columns,) or not (stiffness >= 0).all():
+        raise InputError(
+            f"stiffness_MPa must hold {units.columns} numbers of 0 or more"
+        )
+    pieces, own = [], []
+    for entry in data["effects"]:
+        law = effect(entry["effect"], entry["form"])
+        # A shape that the law has got since the file was written is the usual one.
+        usual = {k: v for k, v in law.defaults().items() if k in law.shape}
+        values = usual | {k: float(v) for k, v in entry["values"].items()}
+        law.prepare(values)
+        pieces.append(Piece(law, values, ()))
+        own.append(_own(law, entry.get("own", {})))
+    history = str(data["history"])
+    if history not in HISTORIES:
+        raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
+    learned, inner = data.get("learned"), data.get("simulation")
+    return Stored(
+        units,
+        stiffness,
+        tuple(pieces),
+        tuple(own),
+        bool(base.get("corrects_simulated_MPa", False)),
+        history,
+        None if learned is None else Correction.from_dict(learned),
+        None if inner is None else from_dict(inner),
+        data,
+        Axes.from_dict(data.get("axes")),
+    )
+
+
+def _own(law: Effect, given: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Values of single recordings, by parameter and name of the recording."""
+    declared = {p.name: p for p in law.parameters}
+    out: dict[str, dict[str, float]] = {}
+    for name, values in given.items():
+        if name not in law.per_recording:
+            raise InputError(f"{law.id} has no values of single recordings of {name!r}")
+        out[name] = {recording: float(x) for recording, x in values.items()}
+        declared[name].check(list(out[name].values()))
+    return out

@@ -1,0 +1,106 @@
+"""The recordings that the network studies train on, material by material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+
+import numpy as np
+
+from softnn import prepare, virtual
+from softnn.contracts import InputError
+from softnn.materials import MATERIALS
+from softnn.readers.tidy import load
+from softnn.recording import Recording, data_hash
+from softnn.study.settings import MOST_SAMPLES, Settings, one_of, slug
+
+LOADED = 0.995  # of the largest strain: the first loading is over
+
+
+@dataclass(frozen=True)
+class Data:
+    """One material: loading curves as the networks see them, and relaxation tests."""
+
+    source: str
+    material: str
+    tensile: list[Recording]
+    relaxation: list[Recording]
+
+    @property
+    def is_virtual(self) -> bool:
+        return self.source == "virtual"
+
+    @property
+    def label(self) -> str:
+        """How the data are to be called wherever a figure of them is shown."""
+        kind = "virtual specimens" if self.is_virtual else f"recordings {self.source}"
+        return f"{self.material}, {kind}"
+
+    @property
+    def file_name(self) -> str:
+        return slug(self.material)
+
+    @cached_property
+    def digest(self) -> str:
+        return data_hash([*self.tensile, *self.relaxation])
+
+
+def prepared(settings: Settings) -> list[Data]:
+    """The data of every material asked for.
+
+    Virtual specimens are prepared as in thesis 4.3.1.1 and resampled to as many points
+    as they were recorded with, so that the training set has the size of Table 6.2. Of
+    real recordings the networks see, like the thesis's, the first loading only: tensile
+    tests prepared in the same way, others up to their largest strain; each at equal
+    strain steps, with `MOST_SAMPLES` at most.
+    """
+    if settings.data == "virtual":
+        names = [settings.material or "NatPolR"]
+        names = list(MATERIALS) if names == ["all"] else names
+        return [_virtual(name, settings.seed, settings.samples) for name in names]
+    recordings = load(settings.data)
+    source = Path(settings.data).name
+    groups: dict[str, list[Recording]] = {}
+    for recording in recordings:
+        groups.setdefault(recording.material or source, []).append(recording)
+    if settings.material not in (None, "all"):
+        one_of("material", str(settings.material), groups)
+        groups = {str(settings.material): groups[str(settings.material)]}
+    most = settings.samples or MOST_SAMPLES
+    return [
+        Data(
+            source,
+            material,
+            [first_loading(r, most) for r in group],
+            [r for r in group if r.test == "relaxation"],
+        )
+        for material, group in groups.items()
+    ]
+
+
+@cache
+def _virtual(name: str, seed: int, most: int | None) -> Data:
+    tensile = [
+        prepare.specimen(r, samples=min(len(r), most or len(r)))
+        for r in virtual.tensile(name, seed)
+    ]
+    return Data("virtual", name, tensile, virtual.relaxation(name, seed))
+
+
+def first_loading(recording: Recording, most: int) -> Recording:
+    """The recording up to its largest strain, `most` points at equal strain steps."""
+    count = min(len(recording), most)
+    if recording.test == "tensile":
+        return prepare.specimen(recording, samples=count)
+    known = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
+    size = np.abs(np.where(known, recording.strain, 0.0))
+    end = int(np.argmax(size >= LOADED * size.max())) + 1
+    if end < 2:
+        raise InputError(
+            "no loading: its strain is largest at the first sample",
+            file=recording.source or recording.name or None,
+        )
+    index = np.flatnonzero(known[:end])
+    part = recording.take(index).with_step("first_loading", {"of_largest": LOADED})
+    return prepare.resample(part, min(len(index), most))

@@ -1,0 +1,355 @@
+"""Trials of a network study, kept by the search and tracked in MLflow.
+
+A trial is one configuration, cross-validated: its networks are trained in one batch
+and scored on what they have not seen. `Sweep` keeps every finished trial in the search
+storage and mirrors it in MLflow, so that a study can be stopped at any moment.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import asdict
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+import softnn
+from softnn.contracts import InputError
+from softnn.neural import StoredNetwork
+from softnn.neural.served import Served
+from softnn.search import Finished, Objective, Range, Result, Search, Value, When
+from softnn.study.common import fingerprint, write_result
+from softnn.study.material_data import Data
+from softnn.study.settings import Places, Settings, listed
+from softnn.study.trainer import Trainer
+
+if TYPE_CHECKING:
+    from softnn.tracking import Tracker
+
+WHAT = {
+    "random": "random folds",
+    "specimen": "by specimen",
+    "rate": "by rate",
+    "recording": "by recording",
+}
+
+
+class Sweep:
+    """The trials of one study on one material: stored by Optuna, mirrored in MLflow.
+
+    Open it as a context. Its key is a hash of the settings, the data and the code that
+    trains and scores, so results of different ones never mix.
+    """
+
+    def __init__(
+        self,
+        study: str,
+        data: Data,
+        settings: Settings,
+        space: Mapping[str, Sequence[Value] | Range],
+        places: Places,
+        total: int,
+        objectives: int = 1,
+        trainer: Trainer | None = None,
+        code: Sequence[Path] = (),
+    ) -> None:
+        from softnn.tracking import Tracker
+
+        self._began = time.perf_counter()
+        self.study, self.data, self.settings = study, data, settings
+        self.trainer = trainer or Trainer(data, settings)
+        content = {
+            "study": study,
+            "settings": asdict(settings) | {"data": data.source},
+            "material": data.material,
+            "space": {k: str(v) for k, v in space.items()},
+            "training": asdict(self.trainer.training),
+            "data": data.digest,
+            "version": softnn.__version__,
+        }
+        name = re.sub(r"\W+", "-", f"{study}-{data.source}-{data.material}")[:60]
+        self.key = f"{name}-{fingerprint(content, files=(*_code(), *code))}"
+        # What cannot be split is said before anything is opened.
+        self.trainer.folds(settings.split, settings.inputs, settings.seed)
+        self.search = Search(
+            places.storage,
+            self.key,
+            space,
+            seed=settings.seed,
+            fresh=places.fresh,
+            objectives=objectives,
+        )
+        try:
+            identity = self.search.remember("identity", uuid.uuid4().hex)
+            self.stored = len(self.search.finished)
+            self.tracker: Tracker = Tracker(
+                places.tracking,
+                study,
+                study=self.key,
+                identity=identity,
+                name=data.label,
+                parameters={
+                    "material": data.material,
+                    "inputs": settings.inputs,
+                    "neurons": listed(settings.neurons),
+                    "split": settings.split,
+                    "regularisation": settings.regularisation,
+                    "folds": settings.folds,
+                    "fraction": settings.fraction,
+                    "seed": settings.seed,
+                },
+                data=(data.source, data.digest),
+            )
+        except BaseException:
+            self.search.__exit__(None, None, None)
+            raise
+        self.trials: list[Finished] = []
+        self._bar = tqdm(
+            total=total,
+            desc=data.material,
+            unit="trial",
+            dynamic_ncols=True,
+            mininterval=0.1 if sys.stderr.isatty() else 10,
+        )
+
+    def __enter__(self) -> Sweep:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._bar.close()
+        self.tracker.__exit__(*error)
+        self.search.__exit__(*error)
+
+    def possible(self, split: str) -> str | None:
+        """None if the data can be split so, else why not."""
+        try:
+            self.trainer.folds(split, self.settings.inputs, self.settings.seed)
+        except InputError as reason:  # one rate only, one specimen only ...
+            return str(reason)
+        return None
+
+    def expect(self, more: int) -> None:
+        """Lengthen the progress bar by so many trials."""
+        self._bar.total += more
+        self._bar.refresh()
+
+    def run(self, objective: Objective | None = None, **parameters: Value) -> Finished:
+        """The trial of these parameters, now or from the store."""
+        return self._keep(self.search.run(parameters, objective or self.trainer))
+
+    def minimise(
+        self,
+        objective: Objective,
+        trials: int,
+        **fixed: Value,
+    ) -> Iterator[Finished]:
+        """`trials` trials that look for the least generalisation error."""
+        for trial in self.search.minimise(objective, trials, **fixed):
+            yield self._keep(trial)
+
+    def explore(
+        self,
+        submit: Callable[[dict[str, Any], Sequence[Finished]], Future[Result]],
+        trials: int,
+        *,
+        first: Sequence[Mapping[str, Value]] = (),
+        when: When | None = None,
+    ) -> Iterator[Finished]:
+        """`trials` trials towards the front of all objectives."""
+        for trial in self.search.explore(submit, trials, first=first, when=when):
+            yield self._keep(trial)
+
+    def _keep(self, trial: Finished) -> Finished:
+        found = trial.result
+        # The run's own figure is the mean; folds are the steps of another.
+        metrics: dict[str, Any] = {
+            "nrmse": found["generalisation_error"],
+            "r2": found["r2_mean"],
+            "gamma": float(np.mean(found["gamma"])),
+        }
+        for key in ("nrmse", "r2", "gamma", "iterations"):
+            metrics[f"fold_{key}"] = found[key]
+        for key in ("seconds", "samples", "parameters"):
+            metrics[key] = found[key]
+        if "unseen" in found:
+            metrics["nrmse_unseen"] = float(np.mean(found["unseen"]["nrmse"]))
+            metrics["fold_nrmse_unseen"] = found["unseen"]["nrmse"]
+        self.tracker.trial(
+            describe(trial.parameters),
+            trial.parameters,
+            metrics,
+            started=trial.started,
+            ended=trial.ended,
+            tags={
+                "folds": ", ".join(found["folds"])[:5000],
+                "note": found["note"],
+                "softnn.again": json.dumps(self._again(trial)),
+            },
+        )
+        self.trials.append(trial)
+        here = self.settings.split
+        best = max(
+            (t for t in self.trials if t.parameters.get("split", here) == here),
+            key=lambda t: t.result["r2_mean"],
+        )
+        self._bar.set_postfix_str(
+            f"best R2 {100 * best.result['r2_mean']:.3f} %, {describe(best.parameters)}"
+        )
+        self._bar.update()
+        return trial
+
+    def _again(self, trial: Finished) -> dict[str, Any]:
+        """What `softnn.study.rerun` needs to do a trial again."""
+        parameters = trial.result.get("configuration", trial.parameters)
+        if "weight" in parameters:
+            how = f"l2={parameters['weight']!r}"
+            parameters = {**parameters, "regularisation": how}
+        parameters = {"neurons": self.settings.neurons[0], **parameters}
+        return {
+            "settings": asdict(self.settings),
+            "training": asdict(self.trainer.training),
+            "material": self.data.material,
+            "data": self.data.digest,
+            "parameters": {k: v for k, v in parameters.items() if k != "weight"},
+        }
+
+    def register(self, network: StoredNetwork, aliases: Sequence[str]) -> None:
+        """Put a network trained on everything into the registry, by material."""
+        first = self.data.tensile[0]
+        rows = slice(None, None, max(1, len(first) // 5))
+        example = {
+            "time_s": first.time_s[rows].tolist(),
+            "strain": first.strain[rows].tolist(),
+        }
+        if first.test == "tensile" and first.rate_per_s is not None:
+            example["rate_per_s"] = [first.rate_per_s] * len(example["strain"])
+        source = "" if self.data.is_virtual else f"{self.data.source}-"
+        said = Served(network).predict(pd.DataFrame(example))
+        self.tracker.register(
+            f"{source}{self.data.material}",
+            aliases,
+            network.source,
+            example,
+            said.tolist(),
+        )
+
+    def told(self, headline: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+        """What the result file keeps of this material; asked while it is open."""
+        return {
+            "material": self.data.material,
+            "label": self.data.label,
+            "data_sha256": self.data.digest,
+            "headline": headline,
+            **more,
+            "trials_from_store": sum(t.stored for t in self.trials),
+            "seconds": self.seconds,
+            "study_key": self.key,
+        }
+
+    @property
+    def ended(self) -> datetime:
+        """When the last trial finished."""
+        return max(t.ended for t in self.trials)
+
+    @property
+    def seconds(self) -> float | None:
+        """Time since the opening; None where no run has done all the work at once.
+
+        Asked for again from the store, it is that of the run which did the work.
+        """
+        if not any(t.stored for t in self.trials):
+            taken = time.perf_counter() - self._began
+            return float(self.search.remember("seconds", f"{taken:.2f}"))
+        kept = self.search.remembered("seconds")
+        return None if kept is None else float(kept)
+
+    def from_store(self) -> str:
+        """One line on what was not run again, or nothing."""
+        old = sum(t.stored for t in self.trials)
+        if not old:
+            return ""
+        return (
+            f"{old} of {len(self.trials)} trials were finished before and are taken "
+            "from the store (--fresh runs them again)"
+        )
+
+
+def write_all(
+    study: str,
+    settings: Settings,
+    places: Places,
+    found: Sequence[Mapping[str, Any]],
+    **body: Any,
+) -> dict[str, Any]:
+    """Write the result of a study of several materials: headline and materials."""
+    headline = headline_of_all(found)
+    path = write_result(
+        settings.file_name(study),
+        headline,
+        {"settings": asdict(settings), **body, "materials": found},
+        seed=settings.seed,
+        data={one["label"]: one["data_sha256"] for one in found},
+        folder=places.results,
+    )
+    print(f"result: {path}; runs: {places.tracking}")
+    return {"headline": headline, "materials": found}
+
+
+def headline_of_all(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The headlines of several materials as one flat one, and the time all took."""
+    headline: dict[str, Any] = {}
+    for one in found:
+        prefix = f"{one['material']}_" if len(found) > 1 else ""
+        headline |= {prefix + key: value for key, value in one["headline"].items()}
+    seconds = [one["seconds"] for one in found]
+    whole = None if None in seconds else round(sum(seconds), 1)
+    return headline | {"study_s": whole}
+
+
+def trial_entry(trial: Finished) -> dict[str, Any]:
+    """A trial as the result file keeps it."""
+    return {**trial.parameters, **trial.result}
+
+
+def describe(parameters: Mapping[str, Any]) -> str:
+    """A trial in a few words, unlike that of any other trial of its study.
+
+    >>> describe({"neurons": 1, "split": "rate"})
+    '1 neuron, by rate'
+    """
+    words = []
+    for key, value in parameters.items():
+        if key == "neurons":
+            words.append(f"{value} neuron" + "s" * (value != 1))
+        elif key == "split":
+            words.append(WHAT[value])
+        elif key == "folds_seed":
+            words.append(f"folds drawn with seed {value}")
+        elif isinstance(value, float):
+            words.append(f"{key} {value:.6g}")
+        else:
+            words.append(str(value))
+    return ", ".join(words)
+
+
+@cache
+def _code() -> tuple[Path, ...]:
+    """The files whose change would change a trial's result, data apart."""
+    package = Path(softnn.__file__).parent
+    single = [
+        package / "crossval.py",
+        package / "metrics.py",
+        Path(__file__).with_name("trainer.py"),
+    ]
+    return (*sorted((package / "neural").glob("*.py")), *single)

@@ -1,8 +1,0 @@
-"""`python -m studies.recordings`: see `trial.py`."""
-
-import sys
-
-from studies.recordings.trial import main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,1 @@
+"""How studies show what they found: their tables and figures."""

@@ -1,0 +1,67 @@
+"""How `studies.rates` shows what it found."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from softnn.study.baselines import MODELS
+from softnn.study.common import COLOURS, FAINT, percent
+from softnn.study.piecewise import Case, Work, panels, speed_label
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def _row(name: str, entry: dict[str, Any]) -> list[Any]:
+    return [
+        name,
+        percent(entry["generalisation_error"]),
+        percent(entry["tolerance"], 0),
+        entry["segments"],
+        entry["branches"],
+        f"{entry['rule']}, strain {entry['held_strain']:.2f}"
+        + (f", times {entry['share']:g}" if entry["share"] != 1 else ""),
+    ]
+
+
+def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
+    """Curves of all rates, and what the models fitted at one of them foretell."""
+    figure, grid = panels(len(cases), height=2.7)
+    for axes, case, one in zip(grid, cases, found, strict=True):
+        for colour, curve in zip(COLOURS, case.curves, strict=False):
+            label = speed_label(case, curve)
+            fitted = curve is case.fitted
+            thin = slice(None, None, max(len(curve) // 200, 1))
+            axes.plot(
+                curve.strain[thin],
+                curve.stress_MPa[thin],
+                color=colour,
+                linewidth=3,
+                alpha=0.3,
+                label=label + (" (k*)" if fitted else ""),
+            )
+            for style, model in zip(("-", ":"), MODELS, strict=True):
+                axes.plot(
+                    curve.strain[thin],
+                    one["drawn"][model].fit.predict(curve)[thin],
+                    style,
+                    color=colour,
+                    linewidth=1,
+                )
+        low = min(float(c.stress_MPa.min()) for c in case.curves)
+        high = max(float(c.stress_MPa.max()) for c in case.curves)
+        # A prediction that leaves the page is cut off; its error is in the table.
+        axes.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
+        axes.set_title(case.material[:28])
+        axes.set_xlabel("strain")
+        axes.locator_params(axis="x", nbins=5)
+        axes.legend(fontsize=6)
+        axes.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    grid[0].set_ylabel("stress [MPa]")
+    figure.suptitle(
+        "faint: mean curve; line: PL-SLS; dots: PL-Wiechert, k* from one rate",
+        fontsize=9,
+        x=0.01,
+        ha="left",
+    )
+    return figure
