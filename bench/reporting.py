@@ -67,7 +67,8 @@ def publish(
 
     It goes to the project's results if it is to be published, else into `folder`.
     """
-    label, trials = str(record["label"]), {}
+    label = str(record["label"])
+    trials: dict[str, Any] = {}
     where = results_folder() if record["published"] else folder
     earlier = where / f"{name}.json"
     if record["published"] and earlier.exists():

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from softnn.contracts import InputError
 from softnn.materials import material, table
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 
 SMOOTH = 1.0  # rad/s of the motor, over which friction turns round
 RPM = 2 * math.pi / 60

@@ -241,7 +241,8 @@ def _spectral(
         z = z[np.isfinite(z)]
         # What a fit takes up is missing from the lowest frequencies.
         power = np.abs(np.fft.rfft(z - z.mean()))[2:] ** 2 / len(z)
-        spectra.append(power if len(z) >= FEWEST else power[:0])
+        good = len(z) >= FEWEST and 0 < power.sum() < np.inf
+        spectra.append(power if good else power[:0])
     if not any(len(x) for x in spectra):
         return list(noise)
     samples = np.array([np.isfinite(x).sum() for x in residuals])
@@ -288,6 +289,8 @@ def _shares(
         lines = (1 - phi**2) / (1 - 2 * phi * np.cos(angle) + phi**2)
         shapes.append(np.concatenate([np.ones((count[r], 1)), lines], axis=1))
     shape, power = np.concatenate(shapes), np.concatenate(spectra)
+    unit = max(float(power.mean()), 1e-300)
+    power = power / unit
     count = count[some]
     best = _weighted(shape, power, count, np.full(shape.shape[1], 1 / shape.shape[1]))
     for k in reversed(range(1, shape.shape[1])):  # the slowest first
@@ -299,7 +302,7 @@ def _shares(
     like, weight, level = best
     changed = np.full(len(spectra), np.exp(np.log(level).mean()))
     changed[some] = level
-    return like, weight[1:] / weight.sum(), np.sqrt(weight.sum() * changed)
+    return like, weight[1:] / weight.sum(), np.sqrt(unit * weight.sum() * changed)
 
 
 def _weighted(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softnn.axes import COMPONENTS, SPECIMEN, Axes, axes_of
-from softnn.contracts import Array, InputError
+from softnn.contracts import Array, Chunk, InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -146,6 +146,14 @@ class Recording:
     def _channels(self) -> dict[str, Array]:
         return {c: getattr(self, c) for c in COLUMNS if getattr(self, c) is not None}
 
+    @property
+    def history(self) -> Chunk:
+        """What was imposed; where strain is missing, straight in time."""
+        warm = self.temperature_C
+        if warm is not None and np.isnan(warm).all():
+            warm = None
+        return Chunk(self.time_s, bridged(self.strain, self.time_s), warm)
+
     def with_step(
         self, name: str, arguments: dict[str, Any] | None = None, **changes: Any
     ) -> Recording:
@@ -239,6 +247,14 @@ def check_columns(
             i,
             "time_s",
         )
+
+
+def bridged(values: Array, time: Array) -> Array:
+    """The values (n,), missing ones straight in time between their neighbours."""
+    good = np.isfinite(values)
+    if not good.any():
+        raise InputError("a column of strain or simulation holds no number at all")
+    return np.where(good, values, np.interp(time, time[good], values[good]))
 
 
 def data_hash(recordings: Iterable[Recording]) -> str:

@@ -21,7 +21,7 @@ from softnn import virtual
 from softnn.actuator import Chain, Controller, Walk, walk
 from softnn.contracts import Array, InputError
 from softnn.export.compiled import Compiled
-from softnn.mismatch.model_file import Stored, read_model
+from softnn.model_file import Stored, read_model
 from softnn.models.units import Units
 from softnn.motor import Bundle, Motor, Strip, published_checks
 from softnn.recording import data_hash

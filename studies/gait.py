@@ -20,13 +20,7 @@ import numpy as np
 from softnn.contracts import InputError
 from softnn.materials import material
 from softnn.study import common
-from softnn.study.ranges import (
-    Query,
-    inwards,
-    published,
-    read_areas,
-    supported,
-)
+from softnn.study.ranges import Query, inwards, published, read_areas, supported
 from studies.shown.gait import draw, report
 
 SPEED_RPM = 50.0  # of the knee in walking (thesis section 7.4)

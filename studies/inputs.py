@@ -8,30 +8,24 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from typing import Any
 
-from softnn.contracts import InputError
 from softnn.neural import PUBLISHED
 from softnn.search import Finished, Range, Value
-from softnn.study.common import (
-    guarded,
-    markdown,
-    percent,
-    save_figure,
-    write_result,
-)
+from softnn.study.common import guarded, markdown, percent, save_figure
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     SPLITS,
     Places,
     Settings,
+    of_one_count,
     places_of,
     settings_of,
     smoked,
     study_parser,
 )
-from softnn.study.sweep import WHAT, Sweep, headline_of_all, trial_entry
+from softnn.study.sweep import WHAT, Sweep, trial_entry, write_all
 from studies.shown.inputs import draw
 
 # Table 6.4 of the thesis.
@@ -49,15 +43,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
 
     def work() -> None:
-        settings = settings_of(arguments, DEFAULTS)
-        if len(settings.neurons) > 1:
-            raise InputError(f"neurons are {settings.neurons}; give one count")
-        usual = Settings(
-            material=settings.material,
-            data=settings.data,
-            neurons=DEFAULTS.neurons,
-            fraction=DEFAULTS.fraction,
-        )
+        settings = of_one_count(settings_of(arguments, DEFAULTS))
+        usual = replace(DEFAULTS, material=settings.material, data=settings.data)
         places = places_of(arguments, published=settings == usual)
         run(smoked(settings) if arguments.smoke else settings, places)
 
@@ -67,19 +54,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(settings: Settings, places: Places) -> dict[str, Any]:
     """The study of every material asked for; returns what was written."""
     found = [study(data, settings, places) for data in prepared(settings)]
-    headline = headline_of_all(found)
-    name = settings.file_name("inputs")
-    files = save_figure(draw(found, settings), name, places.results)
-    path = write_result(
-        name,
-        headline,
-        {"settings": asdict(settings), "materials": found, "note": NOTE},
-        seed=settings.seed,
-        data={one["label"]: one["data_sha256"] for one in found},
-        folder=places.results,
+    files = save_figure(
+        draw(found, settings), settings.file_name("inputs"), places.results
     )
-    print(f"{NOTE}\nresult: {path}; figure: {files[0]}; runs: {places.tracking}")
-    return {"headline": headline, "materials": found}
+    print(f"{NOTE}\nfigure: {files[0]}")
+    return write_all("inputs", settings, places, found, note=NOTE)
 
 
 def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
@@ -124,20 +103,12 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             texts={"inputs.md": text},
             tags={"best": best},
         )
-        seconds = sweep.seconds
+        entries = [trial_entry(t) for of in trials.values() for t in of.values()]
+        told = sweep.told(headline, trials=entries)
     print(f"\n{data.label}: best {best}\n\n{text}\n")
     if sweep.from_store():
         print(sweep.from_store())
-    return {
-        "material": data.material,
-        "label": data.label,
-        "data_sha256": data.digest,
-        "headline": headline,
-        "trials": [trial_entry(t) for of in trials.values() for t in of.values()],
-        "trials_from_store": sum(t.stored for t in sweep.trials),
-        "seconds": seconds,
-        "study_key": sweep.key,
-    }
+    return told
 
 
 if __name__ == "__main__":

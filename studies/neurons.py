@@ -13,17 +13,21 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from softnn import json_file
-from softnn.contracts import InputError
 from softnn.json_file import plain
 from softnn.search import Finished, Value
-from softnn.study.baselines import piecewise_baselines
-from softnn.study.choice import configuration, fewest, pick, text_of_choice
-from softnn.study.common import guarded, markdown, save_figure, write_result
+from softnn.study.choice import (
+    configuration,
+    entries_of,
+    fewest,
+    keep,
+    pick,
+    piecewise,
+    text_of_choice,
+)
+from softnn.study.common import guarded, markdown, save_figure
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     SPLITS,
@@ -34,20 +38,8 @@ from softnn.study.settings import (
     smoked,
     study_parser,
 )
-from softnn.study.sweep import Sweep, headline_of_all, trial_entry
-from studies.shown.neurons import (
-    CHOSEN,
-    FEW,
-    HEADER,
-    as_csv,
-    comparison,
-    count_row,
-    draw,
-    headline_of,
-    note_on,
-    notes,
-    printed,
-)
+from softnn.study.sweep import Sweep, trial_entry, write_all
+from studies.shown import neurons as shown
 
 BEST = Path(__file__).parent / "best"
 REPORTED = ("random", "specimen", "rate")
@@ -68,11 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Only the published protocol may replace the project's results.
         usual = Settings(material=settings.material, data=settings.data)
         places = places_of(arguments, published=settings == usual)
-        run(
-            smoked(settings) if arguments.smoke else settings,
-            places,
-            keep_best=arguments.keep_best,
-        )
+        asked = smoked(settings) if arguments.smoke else settings
+        run(asked, places, arguments.keep_best)
 
     return guarded(work)
 
@@ -83,18 +72,8 @@ def run(settings: Settings, places: Places, keep_best: bool = False) -> dict[str
     for data in prepared(settings):
         found.append(study(data, settings, places))
         if keep_best:
-            keep(found[-1], data, settings)
-    headline = headline_of_all(found)
-    path = write_result(
-        settings.file_name("neurons"),
-        headline,
-        {"settings": asdict(settings), "materials": found},
-        seed=settings.seed,
-        data={f["label"]: f["data_sha256"] for f in found},
-        folder=places.results,
-    )
-    print(f"result: {path}; runs: {places.tracking}")
-    return {"headline": headline, "materials": found}
+            keep(found[-1], data, BEST)
+    return write_all("neurons", settings, places, found)
 
 
 def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
@@ -110,101 +89,61 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             sweep.run(neurons=count, split=settings.split) for count in settings.neurons
         ]
         best = pick(grid)
-        networks = {CHOSEN: best}
+        networks = {shown.CHOSEN: best}
         if (enough := fewest(grid)).parameters["neurons"] < best.parameters["neurons"]:
-            networks[FEW] = enough
+            networks[shown.FEW] = enough
             sweep.expect(len(others))
         judged: dict[str, dict[str, Finished | str]] = {}
-        for name, network in networks.items():
-            count = network.parameters["neurons"]
-            judged[name] = {settings.split: network}
+        for kind, one in networks.items():
+            judged[kind] = {settings.split: one}
             for split in others:
-                judged[name][split] = sweep.possible(split) or sweep.run(
-                    neurons=count, split=split
+                judged[kind][split] = sweep.possible(split) or sweep.run(
+                    neurons=one.parameters["neurons"], split=split
                 )
         baselines = piecewise(data)
-        rows = comparison(data, judged, baselines)
-        figure_of = save_figure(
-            draw(data, settings, grid, best),
-            f"{settings.file_name('neurons')}-{data.file_name}",
-            places.results,
-        )
-        text = markdown(HEADER, [printed(row) for row in rows])
-        headline = headline_of(judged, baselines)
-        sweep.tracker.curve(
-            {
-                "r2_by_neurons": [
-                    (t.parameters["neurons"], t.result["r2_mean"]) for t in grid
-                ],
-                "nrmse_by_neurons": [(t.parameters["neurons"], t.value) for t in grid],
-            },
-            sweep.ended,
-        )
+        rows = shown.comparison(data, judged, baselines)
+        name = f"{settings.file_name('neurons')}-{data.file_name}"
+        figure = shown.draw(data, settings, grid, best)
+        files = save_figure(figure, name, places.results)
+        text = markdown(shown.HEADER, [shown.printed(row) for row in rows])
+        headline = shown.headline_of(judged, baselines)
+        network = sweep.trainer.whole(best.parameters)
+        counts = [t.parameters["neurons"] for t in grid]
+        r2 = [t.result["r2_mean"] for t in grid]
+        curves = {
+            "r2_by_neurons": zip(counts, r2, strict=True),
+            "nrmse_by_neurons": zip(counts, (t.value for t in grid), strict=True),
+        }
+        sweep.tracker.curve(curves, sweep.ended)
         sweep.tracker.result(
             {k: v for k, v in headline.items() if isinstance(v, int | float)}
             | {"nrmse": best.value, "r2": best.result["r2_mean"]},
-            note=f"**{data.label}**\n\n{text}\n\n{note_on(data)}",
-            files=figure_of,
+            note=f"**{data.label}**\n\n{text}\n\n{shown.note_on(data)}",
+            files=files,
             texts={
-                "comparison.csv": as_csv(rows),
-                "neurons.csv": as_csv([count_row(t) for t in grid]),
+                "comparison.csv": shown.as_csv(rows),
+                "neurons.csv": shown.as_csv([shown.count_row(t) for t in grid]),
                 "best.json": json.dumps(plain(configuration(best, settings)), indent=1),
-                "network.json": json.dumps(
-                    sweep.trainer.whole(best.parameters).source, indent=1
-                ),
+                "network.json": json.dumps(network.source, indent=1),
             },
             tags={"best": f"{best.parameters['neurons']} neurons"},
         )
-        sweep.register(sweep.trainer.whole(best.parameters), ["best-random"])
-        stored, seconds = sum(t.stored for t in sweep.trials), sweep.seconds
-    print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{note_on(data)}")
-    for note in filter(None, [sweep.from_store(), *notes(judged, baselines)]):
+        sweep.register(network, ["best-random"])
+        told = sweep.told(
+            headline,
+            samples=sum(map(len, data.tensile)),
+            specimens=len({r.specimen or r.name for r in data.tensile}),
+            best=configuration(best, settings),
+            comparison=rows,
+            note=shown.note_on(data),
+            grid=[trial_entry(t) for t in grid],
+            networks=entries_of(judged),
+            baselines=baselines,
+        )
+    print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{shown.note_on(data)}")
+    for note in filter(None, [sweep.from_store(), *shown.notes(judged, baselines)]):
         print(note)
-    return {
-        "material": data.material,
-        "label": data.label,
-        "data_sha256": data.digest,
-        "samples": sum(map(len, data.tensile)),
-        "specimens": len({r.specimen or r.name for r in data.tensile}),
-        "headline": headline,
-        "best": configuration(best, settings),
-        "comparison": rows,
-        "note": note_on(data),
-        "grid": [trial_entry(t) for t in grid],
-        "networks": {
-            name: {
-                split: {"not_possible": trial}
-                if isinstance(trial, str)
-                else trial_entry(trial)
-                for split, trial in splits.items()
-            }
-            for name, splits in judged.items()
-        },
-        "baselines": baselines,
-        "trials_from_store": stored,
-        "seconds": seconds,
-        "study_key": sweep.key,
-    }
-
-
-def piecewise(data: Data) -> dict[str, Any]:
-    """The piecewise-linear models on the same data, or why they cannot be fitted."""
-    try:
-        return plain(piecewise_baselines(data.tensile, data.relaxation))
-    except InputError as reason:
-        return {"not_possible": str(reason)}
-
-
-def keep(found: dict[str, Any], data: Data, settings: Settings) -> Path:
-    """Write the best configuration to `studies/best`, for the tests to hold."""
-    BEST.mkdir(parents=True, exist_ok=True)
-    path = BEST / f"{data.file_name}.json"
-    best = found["best"]
-    best["settings"]["material"] = data.material
-    content = {"data_sha256": data.digest, **best}
-    json_file.write(path, content)
-    print(f"kept: {path}")
-    return path
+    return told
 
 
 if __name__ == "__main__":

@@ -10,28 +10,23 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from typing import Any
 
 from softnn.contracts import InputError
 from softnn.search import Range, Value
-from softnn.study.common import (
-    guarded,
-    markdown,
-    percent,
-    save_figure,
-    write_result,
-)
+from softnn.study.common import guarded, markdown, percent, save_figure
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     Places,
     Settings,
+    of_one_count,
     places_of,
     settings_of,
     smoked,
     study_parser,
 )
-from softnn.study.sweep import Sweep, headline_of_all, trial_entry
+from softnn.study.sweep import Sweep, trial_entry, write_all
 from studies.shown.regularisation import _gamma, _key, _name, draw
 
 DEFAULTS = Settings(neurons=(20,), fraction=0.1)
@@ -49,17 +44,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = made.parse_args(argv)
 
     def work() -> None:
-        settings = settings_of(arguments, DEFAULTS)
-        if len(settings.neurons) > 1:
-            raise InputError(f"neurons are {settings.neurons}; give one count")
+        settings = of_one_count(settings_of(arguments, DEFAULTS))
         if arguments.trials < 1:
             raise InputError(f"trials is {arguments.trials}; at least 1 is needed")
-        usual = Settings(
-            material=settings.material,
-            data=settings.data,
-            neurons=DEFAULTS.neurons,
-            fraction=DEFAULTS.fraction,
-        )
+        usual = replace(DEFAULTS, material=settings.material, data=settings.data)
         as_usual = settings == usual and arguments.trials == TRIALS
         places = places_of(arguments, published=as_usual)
         if arguments.smoke:
@@ -73,17 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(settings: Settings, places: Places, trials: int) -> dict[str, Any]:
     """The study of every material asked for; returns what was written."""
     found = [study(data, settings, places, trials) for data in prepared(settings)]
-    headline = headline_of_all(found)
-    path = write_result(
-        settings.file_name("regularisation"),
-        headline,
-        {"settings": asdict(settings), "l2_trials": trials, "materials": found},
-        seed=settings.seed,
-        data={one["label"]: one["data_sha256"] for one in found},
-        folder=places.results,
-    )
-    print(f"result: {path}; runs: {places.tracking}")
-    return {"headline": headline, "materials": found}
+    return write_all("regularisation", settings, places, found, l2_trials=trials)
 
 
 def study(
@@ -140,20 +118,12 @@ def study(
             texts={"regularisation.md": text},
             tags={"best": best},
         )
-        seconds = sweep.seconds
+        entries = [trial_entry(t) for t in sweep.trials]
+        told = sweep.told(headline, trials=entries)
     print(f"\n{data.label}: best on folds drawn anew {best}\n\n{text}\n")
     if sweep.from_store():
         print(sweep.from_store())
-    return {
-        "material": data.material,
-        "label": data.label,
-        "data_sha256": data.digest,
-        "headline": headline,
-        "trials": [trial_entry(t) for t in sweep.trials],
-        "trials_from_store": sum(t.stored for t in sweep.trials),
-        "seconds": seconds,
-        "study_key": sweep.key,
-    }
+    return told
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from softnn.effects import effect
 from softnn.export.compiled import Compiled
 from softnn.export.files import stored_of
 from softnn.fit import Piece
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.models import Hooke
 from softnn.models.units import Units
 from softnn.motor import Bundle, Law, Motor, published_checks

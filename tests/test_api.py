@@ -12,7 +12,7 @@ from made import STIFFNESS, UNITS, histories, mullins, write_case
 import softnn
 from softnn.contracts import InputError
 from softnn.fit import Guess
-from softnn.mismatch.model_file import to_dict
+from softnn.model_file import to_dict
 from softnn.recording import Recording
 from softnn.simulate import simulate
 from softnn.virtual import tensile

@@ -12,11 +12,12 @@ from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import Case, diagnose
 from softnn.mismatch.candidates import candidates
 from softnn.mismatch.case import mask_gaps, thin, to_data
-from softnn.mismatch.locate import BRANCHES, only_loading, phases, runs
+from softnn.mismatch.locate import only_loading
 from softnn.mismatch.verify import heldout, ratio_interval
 from softnn.models.units import Units
 from softnn.recording import Recording
 from softnn.simulate import Term, simulate
+from softnn.state import BRANCHES, phases, runs
 
 
 def test_phases_of_a_triangle_with_a_hold():

@@ -14,7 +14,7 @@ from softnn.axes import COMPONENTS, SPECIMEN, axes_of
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.mismatch import api
-from softnn.mismatch.model_file import read_model
+from softnn.model_file import read_model
 from softnn.models.units import Units
 from softnn.recording import Recording
 from softnn.simulate import Term, simulate

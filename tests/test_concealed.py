@@ -12,14 +12,7 @@ import pandas as pd
 import pytest
 
 from bench import ledger, scoring
-from bench.concealed import (
-    details,
-    noise_check,
-    orders,
-    reporting,
-    sealing,
-    trial,
-)
+from bench.concealed import details, noise_check, orders, reporting, sealing, trial
 from softnn.noise import estimate
 from softnn.study import common
 

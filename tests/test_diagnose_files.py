@@ -13,7 +13,7 @@ from softnn.cli import main
 from softnn.contracts import InputError
 from softnn.fit import Guess
 from softnn.mismatch import diagnose, read_case
-from softnn.mismatch.model_file import from_dict, read_model, to_dict
+from softnn.model_file import from_dict, read_model, to_dict
 from softnn.simulate import simulate
 
 FOLDER = Path(softnn.mismatch.__file__).parent

@@ -17,7 +17,7 @@ from softnn.export.files import Options, export, stored_of, write
 from softnn.export.source import c_source
 from softnn.export.templates_of import FOLDER, blocks, identifier
 from softnn.fit import Piece
-from softnn.mismatch.model_file import Stored, read_model
+from softnn.model_file import Stored, read_model
 from softnn.models import (
     PLSLS,
     Burgers,
@@ -29,7 +29,7 @@ from softnn.models import (
     Wiechert,
 )
 from softnn.models.units import Units, build
-from softnn.neural import Network, Scaling, Seen, StoredNetwork
+from softnn.neural import PUBLISHED, Scaling, Seen, StoredNetwork, architecture_of
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 STRICT = ["-std=c99", "-O2", "-pedantic", "-Wall", "-Wextra", "-Werror"]
@@ -218,19 +218,20 @@ def test_a_model_that_is_no_spring_beside_branches_is_refused():
 
 
 def network(architecture="FFRD4", lag_s=None, seen=None, neurons=17):
-    width = {"FFRI1": 1, "FFRI2": 2, "FFRI3": 3, "FFRD4": 2}[architecture]
+    row = architecture_of(architecture)
+    width = row.width
     rng = np.random.default_rng(5)
     low, high = np.zeros(width), np.full(width, 0.5)
     if architecture == "FFRD4":
         low[1], high[1] = 0.02, 0.25
     scaling = Scaling(low, high), Scaling(np.array(0.0), np.array(3.0))
-    net = Network(
+    net = row.network(
         rng.normal(size=(neurons, width + 1)), rng.normal(size=neurons + 1), *scaling
     )
     return StoredNetwork(net, architecture, lag_s, seen)
 
 
-@pytest.mark.parametrize("architecture", ["FFRI1", "FFRI2", "FFRI3", "FFRD4"])
+@pytest.mark.parametrize("architecture", [*PUBLISHED, "FFH4", "FFH7"])
 @pytest.mark.parametrize("lag_s", [None, 0.0113])
 def test_networks_say_what_python_says_and_flag_what_was_never_shown(
     architecture, lag_s, tmp_path
@@ -245,6 +246,29 @@ def test_networks_say_what_python_says_and_flag_what_was_never_shown(
     expected = model.outside(chunk)
     np.testing.assert_array_equal(flags[1:], expected[1:])
     assert {1, 2, 4} <= set(expected.tolist())
+
+
+@pytest.mark.parametrize("pulls", [True, False])
+def test_a_bounded_network_keeps_its_sign_and_agrees_over_many_samples(pulls, tmp_path):
+    model = network("FFH7", 0.02)
+    ends = Scaling(np.array(-1.0), np.array(3.0))
+    if not pulls:
+        ends = Scaling(np.array(-3.0), np.array(1.0))
+    model = replace(model, network=replace(model.network, target=ends))
+    n = 100_000
+    time = np.arange(n) * 1e-3
+    strain = 0.2 * np.sin(3 * time) + 0.3 * np.sin(0.31 * time)
+    got, _ = Compiled(tmp_path, model).run(Chunk(time, strain))
+    (want,) = model.stress([""], [Chunk(time, strain)], [None])
+    assert_same(got, want)
+    assert (got.min() >= 0) if pulls else (got.max() <= 0)
+    assert 0 < np.mean(got == 0) < 1  # it is not zero throughout
+
+
+@pytest.mark.parametrize("architecture", ["FFRD4S", "RBF"])
+def test_a_network_without_c_is_refused(architecture):
+    with pytest.raises(InputError, match=f"inputs {architecture} cannot be exported"):
+        export(network(architecture), "c", "a")
 
 
 def test_what_is_no_number_changes_nothing(tmp_path):
@@ -269,7 +293,7 @@ def test_sampled_faster_than_a_delay_was_made_for_is_flagged(tmp_path):
         c_source(network("FFRI2", 1e3), "model", Options(interval_s=1e-6))
 
 
-@pytest.mark.parametrize("architecture", ["FFRI3", "FFRD4"])
+@pytest.mark.parametrize("architecture", ["FFRI3", "FFRD4", "FFH7"])
 def test_onnx_says_what_python_says(architecture):
     runtime = pytest.importorskip("onnxruntime")
     pytest.importorskip("onnx")

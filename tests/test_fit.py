@@ -207,14 +207,6 @@ def test_finer_units_carry_the_same_stress():
     assert fine.chi2 < coarse.chi2
 
 
-def test_what_was_measured_is_back_after_another_stress_was_fitted():
-    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (2 * STRAIN,)))
-    before, hooke = engine.target, Guess(Units("hooke", (0.0, 1.0)), np.ones(1))
-    with engine.made_by(3 * STRAIN):
-        assert fit(engine, hooke).guess.stiffness[0] == pytest.approx(3.0)
-    assert engine.target is before
-
-
 def test_memory_of_the_noise_weighs_as_generalised_least_squares_does():
     rng = np.random.default_rng(9)
     stress = 2.0 * STRAIN + 0.05 * rng.standard_normal(len(TIME))

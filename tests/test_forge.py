@@ -26,13 +26,7 @@ from bench.concealed import (
 )
 from bench.concealed.bases import Base, maxwell
 from bench.concealed.planting import Context, Planted, material_stress, run_material
-from bench.concealed.programmes import (
-    FAMILIES,
-    HELD_OUT,
-    STEP_S,
-    Imposed,
-    Pace,
-)
+from bench.concealed.programmes import FAMILIES, HELD_OUT, STEP_S, Imposed, Pace
 from bench.concealed.unlisted import UNLISTED
 
 FAMILIES_AND_HELD_OUT = FAMILIES | HELD_OUT

@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.concealed import (
-    marching,
-)
+from bench.concealed import marching
 from bench.concealed import unlisted as unlisted_things
 from bench.concealed.bases import SKELETONS, Base, draw_base, maxwell
 from bench.concealed.planting import Context, material_stress

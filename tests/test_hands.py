@@ -13,13 +13,7 @@ from scipy.special import erf
 from bench.hands import kernels, noises, programmes, softening
 from bench.hands.bases import Base
 from bench.hands.drawing import draw, draw_setup
-from bench.hands.families import (
-    DEVELOPMENT,
-    EFFECTS,
-    HELD_OUT,
-    SIDES,
-    Law,
-)
+from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Law
 from bench.hands.forging import forge
 from bench.hands.materials import SKELETONS, SPECTRA, Material
 from bench.hands.orders import LAWS, STRANGERS, laws_of

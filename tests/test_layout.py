@@ -22,11 +22,12 @@ ORDER = (
         "bounded",
         "workers",
         "database",
+        "state",
     ),
     ("plausible", "readers", "prepare", "virtual", "models", "effects", "neural"),
     ("properties", "simulate", "datasets"),
     ("fit",),
-    ("crossval",),
+    ("crossval", "model_file"),
     ("search", "tracking", "report"),
     ("mismatch",),
     ("export", "motor"),
@@ -91,6 +92,14 @@ def test_relative_imports_are_not_used():
     for path in modules(PACKAGE) + modules(ROOT / "bench") + modules(ROOT / "studies"):
         for node in ast.walk(ast.parse(path.read_text())):
             assert not (isinstance(node, ast.ImportFrom) and node.level), path
+
+
+def test_bench_knows_no_study_and_the_forge_of_others_not_even_softnn():
+    for path in modules(ROOT / "bench"):
+        known = {name.split(".")[0] for name in imports(ast.parse(path.read_text()))}
+        assert "studies" not in known, path
+        if path.parent.name == "hands":
+            assert "softnn" not in known, path
 
 
 def test_an_effect_is_a_file_of_its_name():

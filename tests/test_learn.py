@@ -1,5 +1,7 @@
 """What no effect explains is learned: on what it depends, and with which period."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from softnn.fit import Data, Engine, Guess, fit
 from softnn.mismatch.case import Case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.mismatch.learn import learn, period
+from softnn.model_file import Correction
 from softnn.models.units import Units
 from softnn.recording import Recording
 
@@ -76,6 +79,14 @@ def test_what_it_depends_on_is_named():
     assert told is not None
     assert told.ratio < 0.4
     assert max(told.importance, key=told.importance.get) == "direction"
+
+
+def test_a_correction_does_not_leave_what_it_has_seen():
+    seen = SimpleNamespace(low=np.array([-1.0]), high=np.array([2.0]))
+    stress = SimpleNamespace(low=-3.0, high=4.0)
+    steep = SimpleNamespace(inputs=seen, target=stress, predict=lambda x: 2.5 * x[:, 0])
+    told = Correction(("strain",), steep).at(np.array([[-9.0], [0.5], [9.0]]))
+    np.testing.assert_allclose(told, [-2.5, 1.25, 4.0])
 
 
 @pytest.mark.xfail(reason="a hum of half a window is taken for noise that remembers")

@@ -110,7 +110,7 @@ def test_simulate_refuses_strain_in_per_cent(tmp_path, capsys):
     import json
 
     from softnn.fit import Guess
-    from softnn.mismatch.model_file import to_dict
+    from softnn.model_file import to_dict
 
     model, file = tmp_path / "model.json", tmp_path / "r.csv"
     model.write_text(json.dumps(to_dict(Guess(UNITS, STIFFNESS), [], "fresh", False)))

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from bench.recordings import faults, groups, predict, reporting, sets, trial
-from bench.recordings.reporting import Row, agreement, fault_scores, met, rate
+from bench.recordings.rows import Row, agreement, fault_scores, met, rate
 from softnn import Recording
 from softnn.contracts import Chunk, InputError
 from softnn.database import Store
 from softnn.effects import effect
 from softnn.fit import Guess
 from softnn.mismatch import Case
-from softnn.mismatch.model_file import to_dict
+from softnn.model_file import to_dict
 from softnn.models.units import Units
 from softnn.readers.tidy import data_folder
 from softnn.simulate import Term, simulate

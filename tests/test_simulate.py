@@ -4,11 +4,12 @@ import json
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from softnn.cli import main
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
-from softnn.mismatch.model_file import to_dict
+from softnn.model_file import to_dict
 from softnn.models.units import Units
 
 UNITS = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.4, 8.0))
@@ -52,3 +53,39 @@ def test_simulate_is_quiet_where_nothing_is_unknown(tmp_path, capsys):
     assert capsys.readouterr().err == ""
     columns = pd.read_csv(tmp_path / "out" / "a.csv").columns
     assert "outside" not in columns
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("time_s,stress_MPa\n0,0\n1,1\n", "column 'strain': no such column"),
+        (
+            "time_s,strain\n0,0\n1,much\n",
+            "row 3, column 'strain': 'much' is not a number",
+        ),
+        ("time_s,strain\n0,0\n1,inf\n", "row 3, column 'strain': infinite"),
+        ("time_s,strain\n0,\n1,\n", "column 'strain': holds no number"),
+        ("time_s,strain\n1,0\n0,1\n", "row 3, column 'time_s': time goes backwards"),
+        ("time_s,strain\n0,0\n", "one row"),
+    ],
+)
+def test_a_history_that_cannot_be_simulated_is_refused_in_its_row(
+    rows, said, tmp_path, capsys
+):
+    model, file = offset_model(tmp_path), tmp_path / "a.csv"
+    file.write_text(rows)
+    assert main(["simulate", model, str(file), "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1
+
+
+def test_missing_strain_is_bridged_straight_in_time(tmp_path, capsys):
+    model, file = offset_model(tmp_path), tmp_path / "a.csv"
+    out = tmp_path / "out"
+    made = []
+    for middle in ("", "0.25"):
+        file.write_text(f"time_s,strain\n0,0\n1,{middle}\n2,0.5\n")
+        assert main(["simulate", model, str(file), "--out", str(out)]) == 0
+        made.append(pd.read_csv(out / "a.csv")["simulated_MPa"].to_numpy())
+    np.testing.assert_array_equal(*made)

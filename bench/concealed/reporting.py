@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bench import scoring
 from bench.concealed import noise_check, orders
 from bench.reporting import cell, publish, track
-from softnn.study.common import (
-    FAINT,
-    markdown,
-    new_figure,
-    percent,
-    save_figure,
-)
+from softnn.study.common import FAINT, markdown, new_figure, percent, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -33,13 +33,7 @@ import numpy as np
 import pandas as pd
 
 from bench import ledger, scoring
-from bench.concealed import (
-    details,
-    noise_check,
-    orders,
-    rivals,
-    sealing,
-)
+from bench.concealed import details, noise_check, orders, rivals, sealing
 from bench.concealed.reporting import report
 from softnn.contracts import InputError
 from softnn.study.common import (

@@ -12,13 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.hands.families import (
-    DEVELOPMENT,
-    HELD_OUT,
-    Array,
-    Rng,
-    loguniform,
-)
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng, loguniform
 
 Curve = Callable[[Array], Array]
 

@@ -14,13 +14,7 @@ from typing import Any
 import numpy as np
 
 from bench.hands import kernels
-from bench.hands.families import (
-    DEVELOPMENT,
-    HELD_OUT,
-    Array,
-    Rng,
-    loguniform,
-)
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng, loguniform
 
 KINDS = {
     "white": DEVELOPMENT,

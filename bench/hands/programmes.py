@@ -12,13 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.hands.families import (
-    DEVELOPMENT,
-    HELD_OUT,
-    Array,
-    Rng,
-    loguniform,
-)
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng, loguniform
 
 RATES = (4, 5, 8, 10, 12.5, 20, 25, 40, 50, 80, 100, 125, 200)
 SAMPLES = (300, 3000)

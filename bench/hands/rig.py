@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import erf
 
-from bench.hands.families import (
-    DEVELOPMENT,
-    HELD_OUT,
-    Act,
-    Array,
-    Law,
-    Rng,
-    some,
-)
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng, some
 
 if TYPE_CHECKING:
     from bench.hands.testing import Setup

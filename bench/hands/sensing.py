@@ -8,15 +8,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from bench.hands import kernels
-from bench.hands.families import (
-    DEVELOPMENT,
-    HELD_OUT,
-    Act,
-    Array,
-    Law,
-    Rng,
-    some,
-)
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng, some
 from bench.hands.testing import fine
 
 if TYPE_CHECKING:

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.hands import kernels
-from bench.hands.families import (
-    DEVELOPMENT,
-    HELD_OUT,
-    Act,
-    Array,
-    Law,
-    Rng,
-)
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng
 from bench.hands.testing import linear_flow
 
 if TYPE_CHECKING:

@@ -6,14 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.hands.families import (
-    DEVELOPMENT,
-    HELD_OUT,
-    Act,
-    Array,
-    Law,
-    Rng,
-)
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng
 
 if TYPE_CHECKING:
     from bench.hands.testing import Run, Setup

@@ -35,13 +35,7 @@ from bench.limits.reporting import report
 from bench.limits.summary import CORRELATION_S
 from softnn.contracts import InputError
 from softnn.database import Store
-from softnn.study.common import (
-    code_of,
-    guarded,
-    package_files,
-    parser,
-    runs_folder,
-)
+from softnn.study.common import code_of, guarded, package_files, parser, runs_folder
 from softnn.workers import workers
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)

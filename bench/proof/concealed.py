@@ -9,13 +9,7 @@ from bench.concealed import reporting
 from bench.concealed.orders import NAMES
 from bench.reporting import ends, share
 from bench.scoring import Rate
-from softnn.study.common import (
-    COLOURS,
-    FAINT,
-    markdown,
-    new_figure,
-    percent,
-)
+from softnn.study.common import COLOURS, FAINT, markdown, new_figure, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

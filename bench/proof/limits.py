@@ -6,11 +6,7 @@ from typing import TYPE_CHECKING
 
 from bench.limits.reporting import curve, noise_table
 from bench.reporting import share
-from softnn.study.common import (
-    markdown,
-    new_figure,
-    percent,
-)
+from softnn.study.common import markdown, new_figure, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,12 +16,7 @@ from bench.proof.concealed import concealed
 from bench.proof.limits import limits
 from bench.proof.others import cost, recordings, rivals
 from bench.proof.page import MADE, OTHER, Page
-from softnn.study.common import (
-    RESULTS,
-    RUNS,
-    guarded,
-    parser,
-)
+from softnn.study.common import RESULTS, RUNS, guarded, parser
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

@@ -11,10 +11,7 @@ from bench.proof.page import Page, Result
 from bench.reporting import share
 from bench.rivals import table
 from softnn.models.units import BASES
-from softnn.study.common import (
-    markdown,
-    percent,
-)
+from softnn.study.common import markdown, percent
 
 BASE = "pl-wiechert"  # of the real recordings that are shown
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from softnn.contracts import Array
 from softnn.mismatch import Case
 from softnn.mismatch.case import mask_failure, mask_gaps, thin, to_data
-from softnn.mismatch.model_file import from_dict
+from softnn.model_file import from_dict
 
 BLOCKS = 8  # stretches a recording is cut into for the bootstrap
 DRAWS = 2000

@@ -18,14 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from bench.recordings.faults import CONTROL, FAULTS, faulty, one_less
-from bench.recordings.groups import (
-    Group,
-    discover,
-    first_loading,
-    first_turn,
-)
+from bench.recordings.groups import Group, discover, first_loading, first_turn
 from bench.recordings.predict import misses, summary, usable
-from bench.recordings.reporting import MAIN, Row, report, version
+from bench.recordings.reporting import report
+from bench.recordings.rows import MAIN, Row, version
 from bench.recordings.virtual import made_up
 from softnn.contracts import InputError
 from softnn.database import Store
@@ -34,13 +30,7 @@ from softnn.mismatch.case import to_data
 from softnn.models.units import BASES
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
-from softnn.study.common import (
-    fingerprint,
-    guarded,
-    package_files,
-    parser,
-    runs_folder,
-)
+from softnn.study.common import fingerprint, guarded, package_files, parser, runs_folder
 from softnn.workers import workers
 
 DEFAULT_BASES = ("hooke", "sls", "pl-wiechert")

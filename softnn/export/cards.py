@@ -17,7 +17,7 @@ import softnn
 from softnn.contracts import Array, InputError
 from softnn.export.source import described
 from softnn.export.templates_of import literal, remark
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 
 POINTS = 12  # of the curve, a segment

@@ -50,7 +50,7 @@ def add_export(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from softnn.export.files import Options, export, write
-    from softnn.mismatch.model_file import read_model
+    from softnn.model_file import read_model
 
     model = read_model(arguments.model)
     name = arguments.name or Path(arguments.model).stem

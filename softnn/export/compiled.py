@@ -12,7 +12,7 @@ from softnn.contracts import Array, InputError
 from softnn.export.fmu import library
 from softnn.export.parts import Options
 from softnn.export.source import c_source
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 
 _EXTRA = """#include "model.h"

@@ -13,7 +13,7 @@ from softnn.export.onnx_file import onnx_model
 from softnn.export.parts import Options
 from softnn.export.source import c_source
 from softnn.export.templates_of import identifier
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 
 __all__ = ["FORMS", "Options", "c_source", "export", "stored_of", "write"]

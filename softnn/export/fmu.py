@@ -21,7 +21,7 @@ from softnn.contracts import InputError
 from softnn.export.parts import Options
 from softnn.export.source import c_source, described, meanings
 from softnn.export.templates_of import fill, remark, template
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 
 STRICT = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror")

@@ -18,7 +18,7 @@ from softnn.effects.relaxation_branch import TIMES_S, SpreadBranch
 from softnn.export.network import network
 from softnn.export.parts import DEEPEST, UNSTEPPED, Instance, Options, struct_of
 from softnn.export.templates_of import FOLDER, blocks, fill, indented, literal
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softnn.contracts import InputError, Model, Parameters
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.models.linear import Branched
 from softnn.models.piecewise import PLWiechert, SecondOrderExponential
 from softnn.models.units import Units

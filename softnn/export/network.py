@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from softnn.contracts import InputError
 from softnn.export.parts import Instance, Options, struct_of
-from softnn.export.templates_of import blocks, fill, literal
-from softnn.neural import ARCHITECTURES, PUBLISHED, Architecture, StoredNetwork
+from softnn.export.templates_of import blocks, fill, literal, literals
+from softnn.neural import (
+    Architecture,
+    BoundedNetwork,
+    Network,
+    StoredNetwork,
+    architecture_of,
+)
 from softnn.neural.guard import SLACK
+from softnn.neural.inputs import FILTER_S
 
 
 def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> Instance:
@@ -26,8 +35,7 @@ def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> I
                 "half": net.inputs.half,
                 "hidden": net.hidden,
                 "output": net.output,
-                "target_half": float(net.target.half),
-                "target_middle": float((net.target.low + net.target.high) / 2),
+                **_bounds(net),
             },
         )
     )
@@ -54,6 +62,24 @@ def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> I
             for lag in row.lags
         ]
     columns += ["rate"] * row.rate
+    if row.largest:
+        members.append("double largest;")
+        inputs += "    s->largest = fmax(s->largest, fabs(strain));\n"
+        columns.append("s->largest")
+    if past := row.filters + row.branches:
+        times = np.array(past) * (FILTER_S if model.lag_s is None else model.lag_s)
+        filled = {"p": prefix, "n": len(past), "times": times}
+        filled["stiffness"] = np.ones(len(past))  # only the strain of each is wanted
+        out.types.append(fill(blocks("base.c")["branches_type"], filled))
+        out.functions.append(fill(blocks("base.c")["branches"], filled))
+        members.append(f"{prefix}_branches_t behind;")
+        inputs += (
+            "    if (first || dt > 0.0) {\n"
+            f"        (void){prefix}_branches(&s->behind, dt, strain);\n    }}\n"
+        )
+        held = [f"(s->behind.last - s->behind.carried[{j}])" for j in range(len(past))]
+        columns += held[: len(row.filters)]
+        columns += [f"strain - {y}" for y in held[len(row.filters) :]]
     inputs += "".join(f"    x[{j}] = {c};\n" for j, c in enumerate(columns))
     check = _check(model, name.upper())
     out.functions.append(
@@ -65,18 +91,35 @@ def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> I
         "is no more than a start."
         if row.rate
         else "Before the first sample the strain is taken as that of the first."
+        if len(row.lags) > 1
+        else "Before the first sample the specimen is at rest at zero strain."
     )
     return out
 
 
 def stepped(model: StoredNetwork) -> Architecture:
     """The inputs of a network; `InputError` for those that no export can make."""
-    if model.architecture not in PUBLISHED:
+    row = architecture_of(model.architecture)
+    if row.feedback or row.radial:
         raise InputError(
-            f"a network of inputs {model.architecture} cannot be exported; allowed is "
-            f"{', '.join(PUBLISHED)}"
+            f"a network of inputs {model.architecture} cannot be exported: no C is "
+            "written for stress fed back, nor for Gaussian units"
         )
-    return ARCHITECTURES[model.architecture]
+    return row
+
+
+def _bounds(net: Network) -> dict[str, str]:
+    """What holds inputs within the training, and stress to one sign, if anything."""
+    middle = float((net.target.low + net.target.high) / 2)
+    stress = f"sum * {literal(float(net.target.half))} + {literal(middle)}"
+    if not isinstance(net, BoundedNetwork):
+        return {"limits": "", "known": "x[j]", "stress": stress}
+    ends = "".join(
+        f"    static const double {name}[{len(end)}] = {{{literals(end)}}};\n"
+        for name, end in (("low", net.inputs.low), ("high", net.inputs.high))
+    )
+    one_sided = f"{'fmax' if net.pulls else 'fmin'}({stress}, 0.0)"
+    return {"limits": ends, "known": "clip(x[j], low[j], high[j])", "stress": one_sided}
 
 
 def _check(model: StoredNetwork, guard: str) -> str:

@@ -7,9 +7,10 @@ import numpy as np
 import softnn
 from softnn.contracts import InputError
 from softnn.export.network import stepped
-from softnn.mismatch.model_file import Stored
-from softnn.neural import StoredNetwork
+from softnn.model_file import Stored
+from softnn.neural import BoundedNetwork, StoredNetwork
 from softnn.neural.guard import SLACK
+from softnn.neural.inputs import FILTER_S
 
 OPSET, IR_VERSION = 17, 8
 
@@ -47,8 +48,9 @@ def onnx_model(model: Stored | StoredNetwork) -> bytes:
     }
     if not all(np.isfinite(v).all() for v in constants.values()):
         raise InputError("the network holds what is no number")
+    bounded = isinstance(net, BoundedNetwork)
     steps = [
-        ("Sub", ("inputs", "middle"), "centred"),
+        ("Sub", ("known" if bounded else "inputs", "middle"), "centred"),
         ("Div", ("centred", "half"), "scaled"),
         ("MatMul", ("scaled", "hidden"), "weighed"),
         ("Add", ("weighed", "hidden_bias"), "excited"),
@@ -56,11 +58,19 @@ def onnx_model(model: Stored | StoredNetwork) -> bytes:
         ("MatMul", ("layer", "output"), "summed"),
         ("Add", ("summed", "output_bias"), "normal"),
         ("Mul", ("normal", "target_half"), "wide"),
-        ("Add", ("wide", "target_middle"), "stress_MPa"),
+        ("Add", ("wide", "target_middle"), "free" if bounded else "stress_MPa"),
         ("Less", ("inputs", "lowest"), "below"),
         ("Greater", ("inputs", "highest"), "above"),
         ("Or", ("below", "above"), "beyond"),
     ]
+    if isinstance(net, BoundedNetwork):
+        constants |= {"low": net.inputs.low, "high": net.inputs.high}
+        constants["zero"] = np.zeros(())
+        steps[:0] = [
+            ("Max", ("inputs", "low"), "risen"),
+            ("Min", ("risen", "high"), "known"),
+        ]
+        steps.append(("Max" if net.pulls else "Min", ("free", "zero"), "stress_MPa"))
     nodes = [helper.make_node(op, given, [out]) for op, given, out in steps]
     cast = helper.make_node("Cast", ["beyond"], ["counted"], to=TensorProto.INT32)
     most = helper.make_node("ReduceMax", ["counted"], ["any"], axes=[1], keepdims=0)
@@ -86,12 +96,13 @@ def onnx_model(model: Stored | StoredNetwork) -> bytes:
         producer_name="softnn",
         producer_version=softnn.__version__,
     )
-    names = [f"strain[t-{lag}]" if lag else "strain" for lag in row.lags]
-    lag = "one sample" if model.lag_s is None else f"{model.lag_s!r} s"
+    unit = FILTER_S if model.lag_s is None else model.lag_s
+    timed = row.filters + row.branches or model.lag_s is not None
+    lag = f"{unit!r} s" if timed else "one sample"
     helper.set_model_props(
         made,
         {
-            "columns": ", ".join(names + ["strain_rate_per_s"] * row.rate),
+            "columns": ", ".join(row.names),
             "lag": lag,
             "architecture": model.architecture,
         },

@@ -8,7 +8,7 @@ import softnn
 from softnn.export.instance import instance, kernels_for
 from softnn.export.parts import Options
 from softnn.export.templates_of import fill, remark, template
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 
 

@@ -121,15 +121,6 @@ class Engine:
         finally:
             self._blind = None
 
-    @contextmanager
-    def made_by(self, stress: Array) -> Iterator[None]:
-        """Fits within are to this stress (valid,) in place of what was measured."""
-        measured, self.target = self.target, stress
-        try:
-            yield
-        finally:
-            self.target = measured
-
     def whiten(self, x: Array) -> Array:
         """Rows (valid samples, ...) as if the noise were independent, of variance 1."""
         out = self._whiten(x)

@@ -1,9 +1,10 @@
 """Mismatch: locate it, explain it, model it, verify it.
 
-`diagnose(read_case(folder))` is all of it. Steps: the base is fitted (`base`), sets
-of effects are sought (`accounts`) and weighed (`evidence`, `posterior`), what none of
-them explains is learned (`learn`), regions are told (`locate`), and all of it is held
-against recordings left out (`verify`).
+`diagnose(read_case(folder))` is all of it (`diagnosis`). Steps: the base is fitted
+(`base`), sets of effects are sought (`accounts`) and weighed (`evidence`, `posterior`),
+the verdict is given on recordings left out (`verdict`, `verify`), what no effect
+explains is learned (`learn`), regions are found (`locate`), and all of it is written
+down (`written`, `words`).
 """
 
 from softnn.mismatch.case import Case, read_case

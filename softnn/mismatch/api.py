@@ -15,7 +15,7 @@ from softnn.contracts import InputError, nearest
 from softnn.mismatch import diagnosis
 from softnn.mismatch.case import ABOUT, HISTORIES, Case, read_case
 from softnn.mismatch.diagnosis import Diagnosis
-from softnn.mismatch.model_file import Stored, read_model
+from softnn.model_file import Stored, read_model
 from softnn.plausible import check_plausible
 from softnn.readers.tidy import read_folder
 from softnn.recording import Recording

@@ -12,13 +12,13 @@ import pandas as pd
 from softnn.axes import common
 from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.fit import Data
+from softnn.model_file import HISTORIES
 from softnn.models.units import BASES
 from softnn.readers.tidy import read_text, read_tidy
 from softnn.recording import Recording
 
 KEYS = ("model", "history", "specimen")
 ABOUT = ("case.toml", "index.csv", "README.md", "SOURCE.md")  # no recordings
-HISTORIES = ("fresh", "continued")
 LARGEST_STRAIN = 15.0  # 1500 %: beyond what any elastomer here stands
 LARGEST_STRESS_MPa = 2000.0
 SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of what any gel or machine shows

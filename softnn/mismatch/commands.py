@@ -165,12 +165,12 @@ def simulate(arguments: argparse.Namespace) -> int:
     from softnn.mismatch import batch
     from softnn.mismatch.histories import (
         beyond,
-        bridged,
         check_reach,
         outside,
         read_history,
     )
-    from softnn.mismatch.model_file import read_model
+    from softnn.model_file import read_model
+    from softnn.recording import bridged
 
     model = read_model(arguments.model)
     axes = model.axes

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from softnn.contracts import Array, Chunk, Effect
+from softnn.contracts import Chunk
 from softnn.effects import effect
 from softnn.fit import Data
 from softnn.models.units import Units
@@ -31,29 +31,26 @@ def conceal(folder: Path, name: str, seed: int = 0) -> list[str]:
     law = effect(name)
     chunks = [*_programmes(), law.telltale()]
     if law.needs_temperature:
-        chunks = [replace(c, temperature_C=_warming(c)) for c in chunks]
+        warm = [20 + WARMING_C * c.time_s / c.time_s[-1] for c in chunks]
+        chunks = [
+            replace(c, temperature_C=t) for c, t in zip(chunks, warm, strict=True)
+        ]
     clean = simulate(MATERIAL, STIFFNESS_MPa, [], chunks)
-    terms = [Term(law, _planted(law, chunks, clean))]
-    truth = simulate(MATERIAL, STIFFNESS_MPa, terms, chunks)
+    # A clear effect, of the size of these recordings, in the last of them at least.
+    scales = Data(("",) * len(chunks), tuple(chunks), tuple(clean)).scales()
+    planted = Term(law, law.defaults() | law.starts(scales)[0])
+    truth = simulate(MATERIAL, STIFFNESS_MPa, [planted], chunks)
     sigma = NOISE * max(float(np.abs(s).max()) for s in truth)
     rng = np.random.default_rng(seed)
     target = folder / "recordings"
     target.mkdir(parents=True, exist_ok=True)
-    names = []
-    for i, (chunk, stress) in enumerate(zip(chunks, truth, strict=True), start=1):
+    names = [f"test-{i}" for i in range(1, len(chunks) + 1)]
+    for name, chunk, stress in zip(names, chunks, truth, strict=True):
         noisy = stress + sigma * rng.standard_normal(len(stress))
         one = Recording(chunk.time_s, chunk.strain, noisy, chunk.temperature_C)
-        one.to_frame().to_csv(
-            target / f"test-{i}.csv", index=False, float_format="%.7g"
-        )
-        names.append(f"test-{i}")
+        file = target / f"{name}.csv"
+        one.to_frame().to_csv(file, index=False, float_format="%.7g")
     return names
-
-
-def _planted(law: Effect, chunks: list[Chunk], stress: list[Array]) -> dict:
-    """A clear effect, of the size of these recordings, in the last of them at least."""
-    data = Data(tuple(map(str, range(len(chunks)))), tuple(chunks), tuple(stress))
-    return law.defaults() | law.starts(data.scales())[0]
 
 
 def _programmes() -> list[Chunk]:
@@ -72,7 +69,3 @@ def _through(levels: list[float], rate: float) -> Chunk:
     corners = np.concatenate([[0.0], np.cumsum(np.where(steps > 0, steps, 60.0))])
     time = np.linspace(0.0, corners[-1], SAMPLES)
     return Chunk(time, np.interp(time, corners, levels))
-
-
-def _warming(chunk: Chunk) -> Array:
-    return 20 + WARMING_C * chunk.time_s / chunk.time_s[-1]

@@ -22,8 +22,8 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, get, span
-from softnn.mismatch.learn import features
 from softnn.models.unit_kernel import maxwell
+from softnn.state import features
 
 BENDS, SHARED, OWN = 30, 40, 6  # functions: of an effect, of the state, of a recording
 LENGTH = 1.5  # of the functions of the state, in standard deviations of it
@@ -253,8 +253,8 @@ def changes(engine: Engine, found: Fit) -> list[Array]:
 def states(engine: Engine) -> Array:
     """State of each sample (valid, features), each of mean 0 and deviation 1.
 
-    Strain and its history, rate and times as `learn` has them; temperature; and the
-    place of the recording among all.
+    Strain and its history, rate and times as `softnn.state` has them; temperature; and
+    the place of the recording among all.
     """
     count = len(engine.chunks)
     warm = all(c.temperature_C is not None for c in engine.chunks)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,10 @@ import numpy as np
 import pandas as pd
 
 from softnn.axes import Axes
-from softnn.contracts import Array, Chunk, InputError
-from softnn.mismatch.model_file import Stored
-from softnn.readers.tidy import read_text
+from softnn.contracts import Chunk, InputError
+from softnn.model_file import Stored
+from softnn.readers.tidy import numbers, table
+from softnn.recording import check_columns
 
 SLACK = 0.01  # of the range of strain, by which one may lie beside it
 FAR = 20.0  # of the largest strain of a model: nothing is foretold there
@@ -50,10 +50,9 @@ def beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[st
             "the model was made from"
         )
     own: set[str] = set()
-    inner: Any = model
-    while isinstance(inner, Stored):
-        own |= {n for piece in inner.own for values in piece.values() for n in values}
-        inner = inner.simulation
+    while isinstance(model, Stored):
+        own |= {n for piece in model.own for values in piece.values() for n in values}
+        model = model.simulation
     new = [name for name in names if name not in own]
     if own and new:
         lines.append(
@@ -86,52 +85,13 @@ def _some(names: Sequence[str], most: int = 3) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def read_history(file: Path, axes: Axes) -> Any:
+def read_history(file: Path, axes: Axes) -> pd.DataFrame:
     """Columns of a recording, stress not needed."""
-    try:
-        frame = pd.read_csv(io.StringIO(read_text(file)))
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise InputError(f"not a CSV table: {error}", file=file) from None
-    frame.columns = [str(c).strip() for c in frame.columns]
+    frame = table(file)
     for column in axes.columns[:2]:
-        if column not in frame.columns:
+        if column not in frame:
             raise InputError("no such column", file=file, row=1, column=column)
-    for column in frame.columns:
-        if column not in (*axes.columns, "temperature_C", axes.simulated):
-            continue
-        values = pd.to_numeric(frame[column], errors="coerce")
-        text = values.isna() & frame[column].notna()
-        if text.any():
-            i = int(text.to_numpy().argmax())
-            raise InputError(
-                f"{str(frame[column].iloc[i])[:40]!r} is not a number",
-                file=file,
-                row=i + 2,
-                column=column,
-            )
-        frame[column] = values.astype(float)
-    if len(frame) < 1:
-        raise InputError("no rows", file=file)
-    time = frame["time_s"].to_numpy(float)
-    if np.isnan(time).any():
-        i = int(np.isnan(time).argmax())
-        raise InputError("no time", file=file, row=i + 2, column="time_s")
-    back = np.diff(time) < 0
-    if back.any():
-        raise InputError(
-            "time goes backwards",
-            file=file,
-            row=int(back.argmax()) + 3,
-            column="time_s",
-        )
-    return frame
-
-
-def bridged(values: Array, time: Array) -> Array:
-    """The values (n,), missing ones straight in time between their neighbours."""
-    bad = ~np.isfinite(values)
-    if bad.all():
-        raise InputError("a column of strain or simulation holds no number at all")
-    values = np.array(values)
-    values[bad] = np.interp(time[bad], time[~bad], values[~bad])
-    return values
+    known = (*axes.columns, "temperature_C", axes.simulated)
+    columns = {c: numbers(frame[c], file) for c in known if c in frame}
+    check_columns({c: columns[c] for c in axes.columns[:2]}, str(file), first_row=2)
+    return pd.DataFrame(columns)

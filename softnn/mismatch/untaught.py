@@ -16,7 +16,8 @@ import numpy as np
 
 from softnn.contracts import Array
 from softnn.mismatch.case import Case, to_data
-from softnn.mismatch.locate import BRANCHES, phases, runs
+from softnn.report.phrases import listed
+from softnn.state import BRANCHES, phases, runs
 
 if TYPE_CHECKING:
     from softnn.neural import Seen
@@ -82,16 +83,13 @@ def _never(branch: str, rate: float, strain: Array, seen: Seen) -> str:
 def taught(case: Case, found: Sequence[Stretch]) -> Case:
     """The case up to where each recording first asks what was never shown."""
     recordings, simulated = list(case.recordings), list(case.simulated_MPa or ())
-    for i, recording in enumerate(recordings):
-        own = [s.first for s in found if s.recording == i]
-        if not own:
-            continue
-        keep = slice(0, max(min(own), FEWEST))
-        cut = recording.take(keep)
+    firsts = {s.recording: s for s in reversed(found)}  # the first of each recording
+    for s in firsts.values():
+        i, keep = s.recording, slice(0, max(s.first, FEWEST))
+        cut = case.recordings[i].take(keep)
         if np.isfinite(cut.stress_MPa).any() and np.isfinite(cut.strain).any():
             recordings[i] = cut.with_step("taught")
-            if simulated:
-                simulated[i] = simulated[i][keep]
+            simulated[i : i + 1] = [v[keep] for v in simulated[i : i + 1]]
     return replace(
         case, recordings=tuple(recordings), simulated_MPa=tuple(simulated) or None
     )
@@ -99,9 +97,10 @@ def taught(case: Case, found: Sequence[Stretch]) -> Case:
 
 def tell(result: dict[str, Any], case: Case, found: Sequence[Stretch]) -> None:
     """Add the stretches to a diagnosis.json, and a sentence to its summary."""
+    names = [r.name for r in case.recordings]
     result["untaught"] = [
         {
-            "recording": case.recordings[s.recording].name,
+            "recording": names[s.recording],
             "start_s": s.start_s,
             "end_s": s.end_s,
             "rate_per_s": s.rate_per_s,
@@ -109,28 +108,19 @@ def tell(result: dict[str, Any], case: Case, found: Sequence[Stretch]) -> None:
         }
         for s in found
     ]
-    if found:
-        result["summary"] = f"{result['summary']} {_sentence(case, found)}"
-
-
-def _sentence(case: Case, found: Sequence[Stretch]) -> str:
-    by: dict[str, list[Stretch]] = {}
-    for s in found:
-        by.setdefault(s.what, []).append(s)
+    if not found:
+        return
     total = sum(len(r) for r in case.recordings)
     told = []
-    for what, many in by.items():
-        one = many[0]
-        place = (
-            f"{case.recordings[one.recording].name} from {one.start_s:.4g} to "
-            f"{one.end_s:.4g} s"
+    for what in dict.fromkeys(s.what for s in found):
+        one, *more = (s for s in found if s.what == what)
+        share = 100 * sum(s.last - s.first for s in (one, *more)) / total
+        told.append(
+            f"{what} ({share:.0f} % of the samples: {names[one.recording]} from "
+            f"{one.start_s:.4g} to {one.end_s:.4g} s"
+            + (f" and {len(more)} more)" if more else ")")
         )
-        more = f" and {len(many) - 1} more" if len(many) > 1 else ""
-        share = 100 * sum(s.last - s.first for s in many) / total
-        told.append(f"{what} ({share:.0f} % of the samples: {place}{more})")
-    *first, last = told
-    listed = f"{', '.join(first)} and {last}" if first else last
-    return (
-        f"The network was never shown {listed}; what it misses there is no physics of "
-        "the material."
+    result["summary"] += (
+        f" The network was never shown {listed(told)}; what it misses there is no "
+        "physics of the material."
     )

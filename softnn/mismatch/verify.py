@@ -36,67 +36,41 @@ def parts(engine: Engine) -> NDArray[np.integer]:
 
 def heldout(engine: Engine, found: Fit) -> tuple[Array, Array]:
     """Held-out squared error and sum of squared stress, each (parts,), MPa^2."""
-    part = parts(engine)
-    several = len(engine.chunks) > 1
-    guess, where = found.guess, found.slots
-    base = 0 if found.fixed_base else len(guess.stiffness)
-    jacobian = found.jacobian if base else found.jacobian[:, len(guess.stiffness) :]
-    start = np.concatenate(
-        [guess.stiffness if base else [], [s.inside(get(guess, s)) for s in where]]
-    )
+    part, where = parts(engine), found.slots
+    stiffness = found.guess.stiffness[: 0 if found.fixed_base else None]
+    base = len(stiffness)
     low = np.concatenate([np.zeros(base), [_low(s) for s in where]])
     high = np.concatenate([np.full(base, np.inf), [s.inside(s.high) for s in where]])
-    labels = np.unique(part)
-    squares = [float(np.sum(engine.target[part == g] ** 2)) for g in labels]
-    if jacobian.shape[1] == 0:
-        miss = engine.target - found.stress
-        return (
-            np.array([float(np.sum(miss[part == g] ** 2)) for g in labels]),
-            np.array(squares),
-        )
+    start = np.array([*stiffness, *(s.inside(get(found.guess, s)) for s in where)])
+    jacobian = found.jacobian[:, found.jacobian.shape[1] - len(start) :]
     target = found.residual + jacobian @ start
-    grams = {g: jacobian[part == g].T @ jacobian[part == g] for g in labels}
-    rights = {g: jacobian[part == g].T @ target[part == g] for g in labels}
-    gram, right = sum(grams.values()), sum(rights.values())
-    errors = []
-    for g in labels:
-        left = gram - grams[g]
-        rest = right - rights[g]
-        pull = DAMPING * np.diag(gram) + 1e-12 * np.diag(gram).max()
-        left = left + np.diag(pull)
-        rest = rest + pull * start
-        own = np.array(
-            [
-                base + j if several and s.recordings == (g,) else -1
-                for j, s in enumerate(where)
-            ]
-        )
-        alone = own[own >= 0]
-        mask = part == g
-        solution = _bounded(left, rest, low, high, start)
-        halves: list[tuple[Any, Any]] = []
-        if len(alone):
-            index = np.flatnonzero(mask)
-            block = np.arange(len(index)) * BLOCKS // max(len(index), 1)
-            halves = [
-                (index[block % 2 == 0], index[block % 2 == 1]),
-                (index[block % 2 == 1], index[block % 2 == 0]),
-            ]
-        else:
-            halves = [(np.array([], int), np.flatnonzero(mask))]
-        error = 0.0
-        for learn, test in halves:
-            x = solution.copy()
-            if len(learn):
-                a = jacobian[np.ix_(learn, alone)]
-                r = target[learn] - jacobian[learn] @ x + a @ x[alone]
-                h = a.T @ a
-                h = h + np.diag(1e-9 * np.diag(h) + 1e-300)
-                x[alone] = _bounded(h, a.T @ r, low[alone], high[alone], x[alone])
-            stress = predict(engine, guess, where, x, base)
-            error += float(np.sum((engine.target[test] - stress[test]) ** 2))
-        errors.append(error)
+    gram, right = jacobian.T @ jacobian, jacobian.T @ target
+    pull = DAMPING * np.diag(gram) + 1e-12 * np.diag(gram).max(initial=0)
+    errors, squares = [], []
+    for g in np.unique(part):
+        index = np.flatnonzero(part == g)
+        mine = jacobian[index]
+        rest = gram - mine.T @ mine + np.diag(pull), right - mine.T @ target[index]
+        x = _solved(rest[0], rest[1] + pull * start, low, high, start)
+        stress = predict(engine, found.guess, where, x, base)
+        alone = [base + j for j, s in enumerate(where) if s.recordings == (g,)]
+        half = np.arange(len(index)) * BLOCKS // len(index) % 2
+        for side in (0, 1) if alone and len(engine.chunks) > 1 else ():
+            learn, test = index[half == side], index[half != side]
+            a, own = jacobian[np.ix_(learn, alone)], x.copy()
+            miss = target[learn] - jacobian[learn] @ x + a @ x[alone]
+            h = a.T @ a + np.diag(1e-9 * np.sum(a**2, axis=0) + 1e-300)
+            ends = low[alone], high[alone]
+            own[alone] = _solved(h, a.T @ miss, *ends, x[alone])
+            stress[test] = predict(engine, found.guess, where, own, base)[test]
+        errors.append(float(np.sum((engine.target - stress)[index] ** 2)))
+        squares.append(float(np.sum(engine.target[index] ** 2)))
     return np.array(errors), np.array(squares)
+
+
+def _solved(gram: Array, right: Array, low: Array, high: Array, x: Array) -> Array:
+    """`x` (k,) that solves the normal equations within bounds; itself where k is 0."""
+    return _bounded(gram, right, low, high, x) if len(x) else x
 
 
 def _low(slot: Slot) -> float:
@@ -109,9 +83,8 @@ def predict(
     engine: Engine, guess: Guess, where: Sequence[Slot], x: Array, base: int
 ) -> Array:
     """Stress (valid,) with the stiffnesses and slots of the vector x."""
-    moved = put(
-        guess, where, [s.outside(v) for s, v in zip(where, x[base:], strict=True)]
-    )
+    values = [s.outside(v) for s, v in zip(where, x[base:], strict=True)]
+    moved = put(guess, where, values)
     if base:
         moved = replace(moved, stiffness=np.maximum(x[:base], 0.0))
     return engine.run(moved, False)[0]
@@ -148,31 +121,18 @@ def intervals(found: Fit) -> dict[tuple[int, str, tuple[int, ...] | None], tuple
     The curvature of the profile likelihood at its top: others free, noise scaled to
     what is left where the fit is worse than the noise.
     """
-    k = len(found.guess.stiffness)
-    live = np.concatenate(
-        [
-            (found.guess.stiffness > 0) & (not found.fixed_base),
-            np.ones(len(found.slots), bool),
-        ]
-    )
-    j = found.jacobian[:, live]
-    if j.shape[1] == 0:
-        return {}
+    j, k = found.free_columns, len(found.slots)
     d = np.linalg.norm(j, axis=0)
     d = np.where(d > 0, d, 1.0)
-    gram = (j / d).T @ (j / d)
-    gram[np.diag_indices_from(gram)] += 1e-10
-    inverse = np.linalg.inv(gram)
+    gram = (j / d).T @ (j / d) + 1e-10 * np.eye(j.shape[1])
     excess = max(found.chi2 / max(len(found.residual) - j.shape[1], 1), 1.0)
-    sd = np.sqrt(np.maximum(np.diag(inverse), 0) * excess) / d
-    sd = sd[int(live[:k].sum()) :]
+    sd = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * excess) / d
     out = {}
-    for slot, s in zip(found.slots, sd, strict=True):
-        z = slot.inside(get(found.guess, slot))
-        s = min(float(s), 20.0)
+    for slot, s in zip(found.slots, sd[len(sd) - k :], strict=True):
+        z, reach = slot.inside(get(found.guess, slot)), 1.96 * min(float(s), 20.0)
         out[slot.piece, slot.name, slot.recordings] = (
-            slot.outside(z - 1.96 * s),
-            slot.outside(z + 1.96 * s),
+            slot.outside(z - reach),
+            slot.outside(z + reach),
         )
     return out
 
@@ -190,22 +150,16 @@ def profiled(
     slot = next((s for s in found.slots if s.piece == index and s.name == name), None)
     if slot is None:
         return value, value
-    n = len(found.residual)
-    scale = max(found.chi2 / max(n - found.parameters, 1), 1.0)
+    scale = max(found.chi2 / max(len(found.residual) - found.parameters, 1), 1.0)
     middle = slot.inside(value)
+    free = tuple(f for f in piece.free if f != name)
     ends = []
     for end in limits[index, name, None]:
-        reach = slot.inside(end) - middle
-        held = replace(
-            piece,
-            values=dict(piece.values) | {name: end},
-            free=tuple(f for f in piece.free if f != name),
-        )
         pieces = list(found.guess.pieces)
-        pieces[index] = held
+        pieces[index] = replace(piece, values=piece.values | {name: end}, free=free)
         guess = replace(found.guess, pieces=tuple(pieces))
         other = fit(engine, guess, fixed_base=found.fixed_base, iterations=3)
-        cost = max((other.chi2 - found.chi2) / scale, 0.0)
-        factor = np.clip(1.96 / np.sqrt(max(cost, 1e-12)), 0.3, 3.0)
-        ends.append(slot.outside(middle + factor * reach))
+        cost = max((other.chi2 - found.chi2) / scale, 1e-12)
+        factor = np.clip(1.96 / np.sqrt(cost), 0.3, 3.0)
+        ends.append(slot.outside(middle + factor * (slot.inside(end) - middle)))
     return ends[0], ends[1]

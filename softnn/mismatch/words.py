@@ -2,94 +2,83 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from softnn.effects import effect
 from softnn.mismatch import locate
 from softnn.mismatch.posterior import SURE
-
-if TYPE_CHECKING:
-    from softnn.mismatch.diagnosis import Told
-
-
-def plain(name: str) -> str:
-    """The name of an effect as one would say it."""
-    return name.replace("_", " ")
-
-
-def listed(names: list[str], word: str = "and") -> str:
-    """Names in a row.
-
-    >>> listed(["slack", "grip_slip", "inertia"])
-    'slack, grip slip and inertia'
-    """
-    *others, last = map(plain, names)
-    return f"{', '.join(others)} {word} {last}" if others else last
-
-
-def percent(x: float) -> str:
-    return f"{100 * x:.2g} %"
+from softnn.mismatch.verdict import Told
+from softnn.report.phrases import listed, opened, percent, plain
 
 
 def summary(result: dict[str, Any], told: Told) -> str:
-    """The answer in a sentence or two."""
-    fit = result["fit"]
-    before, noise = fit["before"]["heldout_nrmse"], fit["noise_nrmse"]
+    """The answer in a sentence or two; `result` is what diagnosis.json holds so far."""
+    fit, probable = result["fit"], told.probable
+    noise = percent(fit["noise_nrmse"])
+    before = percent(fit["before"]["heldout_nrmse"])
     several = len(told.engine.chunks) > 1
     unseen = "on recordings not used" if several else "on parts left out of it"
+    missed = f"the error {unseen} is {before}, the noise {noise}."
     if told.names:
-        chance = min(told.probable.effects[n] for n in told.names)
-        named = listed(told.names)
-        verb = "was" if len(told.names) == 1 else "were"
-        said = (
-            f"{named[0].upper()}{named[1:]} {verb} left out ({100 * chance:.0f} %), "
-            f"{effect(told.names[0]).where}."
-            if chance >= SURE
-            else f"Most likely {named} ({100 * chance:.0f} %)."
-        )
-        after = fit["after"]["heldout_nrmse"]
-        said += (
-            f" With {'it' if len(told.names) == 1 else 'them'} the error {unseen} goes "
-            f"from {percent(before)} to {percent(after)} (noise {percent(noise)})."
-        )
-        if told.verdict == "partly_explained":
-            said += " Part of the mismatch stays unexplained."
-        return said + _otherwise(told)
+        return _named(result, told, f"the error {unseen} goes from {before}", noise)
     if told.verdict == "nothing_missing":
         return (
-            f"Nothing is missing ({100 * told.probable.nothing:.0f} %): what is left "
-            f"of {percent(before)} is noise ({percent(noise)})."
+            f"Nothing is missing ({_sure(probable.nothing)}): what is left of {before} "
+            f"is noise ({noise})."
         )
     if told.verdict == "unexplained":
         return (
-            "Something is missing that is on no list "
-            f"({100 * told.probable.nothing_named:.0f} %): the error {unseen} is "
-            f"{percent(before)}, the noise {percent(noise)}.{_structure(result)}"
-            f"{_nearest(told)}"
+            f"Something is missing that is on no list ({_sure(probable.nothing_named)})"
+            f": {missed}{_structure(result)}{_nearest(told)}"
         )
     if locate.only_loading(told.engine) and not told.few:
         return (
-            f"The simulation misses {percent(before)} of what was recorded (noise "
-            f"{percent(noise)}), but first loading alone does not tell what: "
-            "softening, set, friction and others look alike there. Record the way "
-            "back, and cycles."
+            f"The simulation misses {before} of what was recorded (noise {noise}), but "
+            "first loading alone does not tell what: softening, set, friction and "
+            "others look alike there. Record the way back, and cycles."
         )
     if not told.tellable:
         return "Too little was recorded to tell whether anything is missing."
     return (
-        "It cannot be told what is missing, or whether anything is: the error "
-        f"{unseen} is {percent(before)}, the noise {percent(noise)}.{_otherwise(told)}"
+        "It cannot be told what is missing, or whether anything is: "
+        f"{missed}{_otherwise(told)}"
     )
+
+
+def _sure(probability: float) -> str:
+    return f"{100 * probability:.0f} %"
+
+
+def _effects(names: list[str]) -> str:
+    return listed([plain(n) for n in names])
+
+
+def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
+    """What was left out, or most likely was, and what it takes from the error."""
+    chance = min(told.probable.effects[n] for n in told.names)
+    named, one = _effects(told.names), len(told.names) == 1
+    said = f"Most likely {named} ({_sure(chance)})."
+    if chance >= SURE:
+        said = (
+            f"{opened(named)} {'was' if one else 'were'} left out ({_sure(chance)}), "
+            f"{effect(told.names[0]).where}."
+        )
+    after = percent(result["fit"]["after"]["heldout_nrmse"])
+    said += f" With {'it' if one else 'them'} {falls} to {after} (noise {noise})."
+    if told.verdict == "partly_explained":
+        said += " Part of the mismatch stays unexplained."
+    return said + _otherwise(told)
 
 
 def _otherwise(told: Told) -> str:
     """The other readings that share the probability."""
-    ways = [(s, p) for s, p in told.probable.ways() if s != frozenset(told.names)][:3]
-    if not ways or told.probable.ways()[0][1] >= SURE:
+    ways = told.probable.ways()
+    others = [(s, p) for s, p in ways if s != frozenset(told.names)][:3]
+    if not others or ways[0][1] >= SURE:
         return ""
     said = [
-        f"{listed(sorted(s)) if s else 'nothing that has a name'} ({100 * p:.0f} %)"
-        for s, p in ways
+        f"{_effects(sorted(s)) if s else 'nothing that has a name'} ({_sure(p)})"
+        for s, p in others
     ]
     return f" {'Or' if told.names else 'Possible:'} {', or '.join(said)}."
 
@@ -112,29 +101,28 @@ def _structure(result: dict[str, Any]) -> str:
 def _nearest(told: Told) -> str:
     """The known effect that comes nearest, with the share it accounts for."""
     for name in told.probable.effects:
-        own = [a for a in told.found.accounts if a.effects == {name}]
+        own = [a.fit.chi2 for a in told.found.accounts if a.effects == {name}]
         if own:
-            n = len(told.engine.target)
-            chi2 = min(a.fit.chi2 for a in own)
-            old = max(told.base.fit.chi2 - n, 1e-9)
-            share = min(max((told.base.fit.chi2 - chi2) / old, 0.0), 1.0)
+            old = told.base.fit.chi2
+            missed = max(old - len(told.engine.target), 1e-9)
+            share = min(max((old - min(own)) / missed, 0.0), 1.0)
             return (
                 f" The nearest known effect, {plain(name)}, accounts for "
-                f"{100 * share:.0f} % of it."
+                f"{_sure(share)} of it."
             )
     return ""
 
 
 def next_recording(told: Told) -> dict[str, Any] | None:
     """The recording that would tell the likeliest readings apart."""
+    names = list(told.probable.effects)
     if not told.names and locate.only_loading(told.engine):
         return {
             "strain_programme": "cycles to growing strain, each amplitude twice, and a "
             "hold",
-            "separates": list(told.probable.effects)[:3],
+            "separates": names[:3],
             "why": "they look alike on first loading, and part on the way back",
         }
-    names = list(told.probable.effects)
     for first in names[:3]:
         for second in names[:6]:
             if first == second or (first in told.names and second in told.names):

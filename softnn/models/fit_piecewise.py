@@ -21,12 +21,7 @@ from scipy.optimize import least_squares, nnls
 from softnn.contracts import Array, Chunk, InputError, Model
 from softnn.models import branches as maxwell
 from softnn.models.branches import Update
-from softnn.models.piecewise import (
-    PLSLS,
-    PLWiechert,
-    SecondOrderExponential,
-    engaged,
-)
+from softnn.models.piecewise import PLSLS, PLWiechert, SecondOrderExponential, engaged
 from softnn.models.relaxation import Relaxation
 from softnn.models.segments import Knots, Optimal, Tolerance
 from softnn.models.skeleton import Skeleton, joint_slopes, segment_slopes, skeleton

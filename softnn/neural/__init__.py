@@ -16,10 +16,11 @@ from softnn.neural.inputs import (
     PUBLISHED,
     Architecture,
     Samples,
+    architecture_of,
     samples,
 )
 from softnn.neural.levenberg import Settings
-from softnn.neural.network import Network, Scaling
+from softnn.neural.network import BoundedNetwork, Network, Scaling
 from softnn.neural.stored import StoredNetwork
 from softnn.neural.training import Regularisation, Trained, train
 
@@ -30,6 +31,7 @@ __all__ = [
     "ARCHITECTURES",
     "PUBLISHED",
     "Architecture",
+    "BoundedNetwork",
     "Network",
     "Regularisation",
     "Samples",
@@ -39,6 +41,7 @@ __all__ = [
     "StoredNetwork",
     "StressNetwork",
     "Trained",
+    "architecture_of",
     "counted",
     "fit_samples",
     "run",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,10 +26,12 @@ def fit_samples(
     seeds: Sequence[int],
     regularisation: Regularisation = BAYESIAN,
     settings: Settings = DEFAULTS,
+    starts: int = 1,
     threads: int | None = None,
 ) -> list[Trained]:
-    """Networks on rows of samples, tanh or Gaussian units; see `train`."""
-    if architecture_of(architecture).radial:
+    """Networks on rows of samples, tanh or Gaussian units (one start); see `train`."""
+    row = architecture_of(architecture)
+    if row.radial:
         return train_radial(
             known.inputs,
             known.target,
@@ -37,7 +40,7 @@ def fit_samples(
             seeds=seeds,
             regularisation=regularisation,
         )
-    return train(
+    trained = train(
         known.inputs,
         known.target,
         neurons=neurons,
@@ -45,8 +48,10 @@ def fit_samples(
         seeds=seeds,
         regularisation=regularisation,
         settings=settings,
+        starts=starts,
         threads=threads,
     )
+    return [replace(one, network=row.network(**vars(one.network))) for one in trained]
 
 
 def run(

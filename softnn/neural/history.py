@@ -34,9 +34,12 @@ def filtered(recording: Recording, time_s: float) -> Array:
     decay = np.exp(-step / time_s)
     # What a ramp over the step leaves behind, as a share of its rise.
     behind = -np.expm1(-step / time_s) * time_s / step
-    value, out = 0.0, np.zeros(len(time))
-    for i, (kept, share) in enumerate(zip(decay, behind, strict=True), 1):
-        before, now = strain[i - 1], strain[i]
+    value, out = 0.0, [0.0] * len(time)
+    seen = strain.tolist()  # plain numbers: ten times faster than those of NumPy
+    for i, (kept, share) in enumerate(
+        zip(decay.tolist(), behind.tolist(), strict=True), 1
+    ):
+        before, now = seen[i - 1], seen[i]
         value = now - (before - value) * kept - (now - before) * share
         out[i] = value
     return np.interp(recording.time_s, time, out) if len(time) else recording.strain

@@ -9,6 +9,7 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.neural.history import at_lag, earlier, filtered, largest
+from softnn.neural.network import BoundedNetwork, Network, RadialNetwork
 from softnn.recording import Recording
 
 
@@ -17,27 +18,46 @@ class Architecture:
     """What stands in a row of inputs, in this order.
 
     Strain at each of `lags` (in units of the lag time), the strain rate, the largest
-    strain so far, strain behind filters of `filters` lag times, the stress of a lag
-    ago. `radial`: Gaussian units in place of tanh.
+    strain so far, strain behind filters of `filters` lag times, strain of the springs
+    of Maxwell branches of `branches` lag times, the stress of a lag ago. `radial`:
+    Gaussian units in place of tanh; `bounded`: see `BoundedNetwork`.
     """
 
     lags: tuple[int, ...]
     rate: bool = False
     largest: bool = False
     filters: tuple[int, ...] = ()
+    branches: tuple[int, ...] = ()
     feedback: bool = False
     radial: bool = False
+    bounded: bool = False
 
     @property
     def width(self) -> int:
         """Number of inputs."""
-        extra = self.rate + self.largest + len(self.filters) + self.feedback
-        return len(self.lags) + extra
+        past = len(self.filters) + len(self.branches) + self.feedback
+        return len(self.lags) + self.rate + self.largest + past
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The inputs, by name."""
+        names = [f"strain[t-{lag}]" if lag else "strain" for lag in self.lags]
+        names += ["strain_rate_per_s"] * self.rate + ["largest_strain"] * self.largest
+        names += [f"strain_filtered[{times}]" for times in self.filters]
+        names += [f"strain_of_branch[{times}]" for times in self.branches]
+        return (*names, *["stress_MPa[t-1]"] * self.feedback)
 
     @property
     def lagged(self) -> bool:
         """Whether the lag time matters whatever the recording."""
-        return len(self.lags) > 1 or bool(self.filters) or self.feedback
+        return len(self.lags) > 1 or bool(self.filters + self.branches) or self.feedback
+
+    @property
+    def network(self) -> type[Network]:
+        """What a network of these inputs is."""
+        if self.radial:
+            return RadialNetwork
+        return BoundedNetwork if self.bounded else Network
 
 
 PUBLISHED = ("FFRI1", "FFRI2", "FFRI3", "FFRD4")  # Table 6.3
@@ -49,6 +69,12 @@ ARCHITECTURES = {
     "FFRD4S": Architecture(lags=(0,), rate=True, feedback=True),  # section 6.4.1
     "FFH4": Architecture(lags=(0,), largest=True, filters=(1, 10)),  # section 8.3
     "RBF": Architecture(lags=(0,), rate=True, radial=True),  # section 8.3
+}
+# Made for histories, so not among those that are compared on tensile tests.
+HISTORIES = {
+    "FFH7": Architecture(
+        lags=(0,), largest=True, branches=(1, 10, 100, 1000, 10_000), bounded=True
+    )
 }
 FILTER_S = 1.0  # shortest filter where no lag is given: tests last 5 s to minutes
 
@@ -113,18 +139,17 @@ def samples(
         np.concatenate(targets),
         np.concatenate(owners),
         np.concatenate(positions),
-        _names(row),
+        row.names,
         lag_s,
     )
 
 
 def architecture_of(name: str) -> Architecture:
     """The architecture of a name; `InputError` for any other."""
-    if name not in ARCHITECTURES:
-        raise InputError(
-            f"architecture is {name!r}; allowed is {', '.join(ARCHITECTURES)}"
-        )
-    return ARCHITECTURES[name]
+    every = ARCHITECTURES | HISTORIES
+    if name not in every:
+        raise InputError(f"architecture is {name!r}; allowed is {', '.join(every)}")
+    return every[name]
 
 
 def columns(
@@ -139,14 +164,10 @@ def columns(
         found.append(largest(recording))
     unit = FILTER_S if lag_s is None else lag_s
     found += [filtered(recording, times * unit) for times in row.filters]
+    found += [
+        recording.strain - filtered(recording, times * unit) for times in row.branches
+    ]
     return np.column_stack(found)
-
-
-def _names(row: Architecture) -> tuple[str, ...]:
-    names = [f"strain[t-{lag}]" if lag else "strain" for lag in row.lags]
-    names += ["strain_rate_per_s"] * row.rate + ["largest_strain"] * row.largest
-    names += [f"strain_filtered[{times}]" for times in row.filters]
-    return (*names, *["stress_MPa[t-1]"] * row.feedback)
 
 
 def _lagged(recording: Recording, lag: int, lag_s: float | None) -> Array:

@@ -109,3 +109,22 @@ class RadialNetwork(Network):
         x = self.inputs.apply(np.asarray(inputs, float))
         away = x[:, None, :] - self.hidden[None, :, :-1]
         return np.exp(-0.5 * (away**2).sum(axis=2) / self.hidden[:, -1] ** 2)
+
+
+@dataclass(frozen=True)
+class BoundedNetwork(Network):
+    """The same, its inputs held within those of the training, its stress of one sign.
+
+    What hangs loose bears nothing: no stress has another sign than most of the range of
+    the training. Asked beyond its training it answers as at the edge of it.
+    """
+
+    @property
+    def pulls(self) -> bool:
+        """Whether its stress is never below zero; else it is never above."""
+        return bool(self.target.low + self.target.high >= 0)
+
+    def predict(self, inputs: Array) -> Array:
+        known = np.clip(np.asarray(inputs, float), self.inputs.low, self.inputs.high)
+        stress = super().predict(known)
+        return np.maximum(stress, 0.0) if self.pulls else np.minimum(stress, 0.0)

@@ -13,8 +13,8 @@ from softnn.axes import SPECIMEN
 from softnn.contracts import Array, Chunk, InputError
 from softnn.neural.fitting import run
 from softnn.neural.guard import Seen
-from softnn.neural.inputs import ARCHITECTURES, architecture_of, strain_rate
-from softnn.neural.network import Network, RadialNetwork
+from softnn.neural.inputs import architecture_of, strain_rate
+from softnn.neural.network import Network
 from softnn.recording import Recording
 
 KIND = "softnn-network"
@@ -54,7 +54,7 @@ class StoredNetwork:
         if self.seen is not None:
             return self.seen
         low, high = self.network.inputs.low, self.network.inputs.high
-        row = ARCHITECTURES[self.architecture]
+        row = architecture_of(self.architecture)
         at = len(row.lags)
         return Seen(
             (float(low[0]), float(high[0])),
@@ -105,7 +105,7 @@ def from_dict(given: Mapping[str, Any]) -> StoredNetwork:
     inner = given.get("network")
     if not isinstance(inner, Mapping):
         raise InputError("the file has no network in it")
-    network = (RadialNetwork if row.radial else Network).from_dict(inner)
+    network = row.network.from_dict(inner)
     wanted, found = row.width, network.hidden.shape[1] - 1
     if wanted != found:
         raise InputError(f"{architecture} has {wanted} inputs; the network has {found}")

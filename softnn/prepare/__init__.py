@@ -8,13 +8,7 @@ compression is turned over, treated as tension and turned back.
 
 from __future__ import annotations
 
-from softnn.prepare.curve import (
-    complete,
-    resample,
-    rising,
-    sign_of,
-    stress_strain,
-)
+from softnn.prepare.curve import complete, resample, rising, sign_of, stress_strain
 from softnn.prepare.failure import cut_failure
 from softnn.prepare.mean import alike, by_group, unify
 from softnn.prepare.segmentation import Segment, segments

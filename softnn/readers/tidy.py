@@ -119,24 +119,30 @@ def read_tidy(path: str | Path, **about: object) -> Recording:
     is not UTF-8, or a channel without any number.
     """
     path = Path(path)
-    text = read_text(path)
-    try:
-        frame = pd.read_csv(io.StringIO(text), skip_blank_lines=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
-        raise _unreadable(path, text, error) from None
-    frame.columns = [str(c).strip() for c in frame.columns]
+    frame = table(path)
     axes, found = columns_of(list(frame.columns), path, 1)
-    # Trailing blank lines are how some editors end a file, not samples.
-    while len(frame) and frame.iloc[-1].isna().all():
-        frame = frame.iloc[:-1]
     columns: dict[str, Any] = {
-        channel: _numbers(frame[c], path) for channel, c in found.items()
+        channel: numbers(frame[c], path) for channel, c in found.items()
     }
     named = {found[channel]: values for channel, values in columns.items()}
     check_columns(named, str(path), first_row=2)
     fields: dict[str, Any] = {"name": path.stem, "source": str(path), "axes": axes}
     fields |= about
     return Recording(**columns, **fields)
+
+
+def table(path: Path) -> pd.DataFrame:
+    """The cells of a CSV file as pandas reads them. Raises `InputError`."""
+    text = read_text(path)
+    try:
+        frame = pd.read_csv(io.StringIO(text), skip_blank_lines=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
+        raise _unreadable(path, text, error) from None
+    frame.columns = [str(c).strip() for c in frame.columns]
+    # Trailing blank lines are how some editors end a file, not samples.
+    while len(frame) and frame.iloc[-1].isna().all():
+        frame = frame.iloc[:-1]
+    return frame
 
 
 def read_text(path: Path) -> str:
@@ -162,7 +168,8 @@ def read_text(path: Path) -> str:
         ) from None
 
 
-def _numbers(column: pd.Series, path: Path) -> np.ndarray:
+def numbers(column: pd.Series, path: Path) -> np.ndarray:
+    """A column (n,) of a table, NaN where a cell is empty. `InputError` for text."""
     values = pd.to_numeric(column, errors="coerce").to_numpy(float)
     text = np.isnan(values) & column.notna().to_numpy()
     if text.any():

@@ -1,7 +1,8 @@
 """A diagnosis as one HTML page that opens with no server and no network.
 
-`page` says what stands on it, `where` puts regions into words, `picture` packs what is
-drawn; `report.html`, `index.html`, `style.css` and `picture.js` are its looks.
+`page` says what stands on it, `where` puts regions into words, `phrases` numbers and
+names, `picture` packs what is drawn; `report.html`, `index.html`, `style.css` and
+`picture.js` are its looks.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def _write(path: Path, text: str) -> Path:
 def _templates() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    from softnn.report.page import number, opened, percent, plain
+    from softnn.report.phrases import number, opened, percent, plain
 
     # Names come from files of anybody: nothing is printed that is not escaped.
     made = Environment(

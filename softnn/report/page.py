@@ -14,6 +14,7 @@ from softnn.contracts import Array, Effect
 from softnn.effects import effect
 from softnn.recording import Recording
 from softnn.report import where
+from softnn.report.phrases import listed, number, percent, plain
 
 ROWS = 40  # of the table of regions
 WORSE = 0.98  # of the base's error on recordings left out: no better than without
@@ -66,30 +67,6 @@ class Found(Protocol):
     def before(self) -> Sequence[Array]: ...
     @property
     def after(self) -> Sequence[Array]: ...
-
-
-def number(value: float | None) -> str:
-    """Four digits, or a dash where there is no number."""
-    if value is None or not np.isfinite(value):
-        return "-"
-    return f"{value:.4g}"
-
-
-def percent(value: float | None) -> str:
-    """A fraction in per cent, two digits."""
-    if value is None or not np.isfinite(value):
-        return "-"
-    return f"{100 * value:.0f} %" if value >= 0.1 else f"{100 * value:.2g} %"
-
-
-def plain(name: str) -> str:
-    """The name of an effect as one would say it."""
-    return name.replace("_", " ")
-
-
-def opened(text: str) -> str:
-    """A text with a capital letter, to begin a sentence with."""
-    return text[:1].upper() + text[1:]
 
 
 def meaning(name: str) -> str:
@@ -185,7 +162,7 @@ def _readings(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     for way in result.get("ways", []):
         names = [plain(n) for n in way["effects"]]
         if names:
-            label = " and ".join(names)
+            label = listed(names)
         elif beside.get("on_no_list", 0.0) > beside.get("nothing", 0.0):
             label = "something that is on no list"
         else:

@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import Any
 
 from softnn.axes import Axis
+from softnn.report.phrases import listed, opened
 
 LEAST = 0.01  # of the mismatch, below which a region is not put into words
 MOST = 6  # sentences
@@ -35,7 +36,7 @@ def sentences(
         low = min(r[axis.column][0] for r in heavy)
         high = max(r[axis.column][1] for r in heavy)
         names = {r["recording"] for r in heavy}
-        place = branch[0].upper() + branch[1:]
+        place = opened(branch)
         if several and branch != "first loading":
             place += f" of {numbers({r['cycle'] for r in heavy})}"
         if recordings > 1 and len(names) < recordings:
@@ -60,9 +61,7 @@ def numbers(cycles: set[int]) -> str:
     for _, group in groupby(enumerate(ordered), lambda item: item[1] - item[0]):
         run = [c for _, c in group]
         runs.append(f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}")
-    *others, last = runs
-    text = f"{', '.join(others)} and {last}" if others else last
-    return f"{'cycle' if len(ordered) == 1 else 'cycles'} {text}"
+    return f"{'cycle' if len(ordered) == 1 else 'cycles'} {listed(runs)}"
 
 
 def _some(names: Sequence[str], most: int = 3) -> str:

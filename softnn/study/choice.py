@@ -1,20 +1,23 @@
-"""Which network of a sweep is taken, and what it takes to train it again."""
+"""Which network of a sweep is taken, what stands beside it, how to train it again."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from softnn import json_file
+from softnn.contracts import InputError
+from softnn.json_file import plain
 from softnn.search import Finished
-from softnn.study.common import (
-    percent,
-)
-from softnn.study.settings import (
-    Settings,
-)
+from softnn.study.baselines import piecewise_baselines
+from softnn.study.common import percent
+from softnn.study.material_data import Data
+from softnn.study.settings import Settings
+from softnn.study.sweep import trial_entry
 
 ENOUGH = 0.999  # R2 above which the thesis takes the fewest neurons
 
@@ -43,6 +46,19 @@ def text_of_choice(best: Finished) -> str:
     return f"{count} neurons ({why}: {percent(r2, 3)})"
 
 
+def entries_of(
+    judged: Mapping[str, Mapping[str, Finished | str]],
+) -> dict[str, dict[str, Any]]:
+    """Trials by network and split as the result file keeps them."""
+    return {
+        name: {
+            split: {"not_possible": t} if isinstance(t, str) else trial_entry(t)
+            for split, t in splits.items()
+        }
+        for name, splits in judged.items()
+    }
+
+
 def configuration(best: Finished, settings: Settings) -> dict[str, Any]:
     """What is needed to train the best network again, and what it then reaches."""
     wanted = replace(settings, neurons=(best.parameters["neurons"],))
@@ -53,3 +69,23 @@ def configuration(best: Finished, settings: Settings) -> dict[str, Any]:
         "r2_mean": best.result["r2_mean"],
         "gamma_mean": float(np.mean(best.result["gamma"])),
     }
+
+
+def piecewise(data: Data) -> dict[str, Any]:
+    """The piecewise-linear models on the same data, or why they cannot be fitted."""
+    try:
+        return plain(piecewise_baselines(data.tensile, data.relaxation))
+    except InputError as reason:
+        return {"not_possible": str(reason)}
+
+
+def keep(found: dict[str, Any], data: Data, folder: Path) -> Path:
+    """Write the best configuration to a folder, for the tests to hold."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{data.file_name}.json"
+    best = found["best"]
+    best["settings"]["material"] = data.material
+    content = {"data_sha256": data.digest, **best}
+    json_file.write(path, content)
+    print(f"kept: {path}")
+    return path

@@ -7,10 +7,7 @@ from typing import Any
 from softnn.metrics import generalisation_error, nrmse
 from softnn.models.fit_piecewise import fit_jointly, fit_std_lin_sds
 from softnn.models.segments import Equal
-from softnn.study.baselines import (
-    JOINT_BRANCHES,
-    rate_errors,
-)
+from softnn.study.baselines import JOINT_BRANCHES, rate_errors
 from softnn.study.piecewise import Case, speed_label
 
 

@@ -140,6 +140,13 @@ def settings_of(
     return replace(defaults or Settings(), **given)
 
 
+def of_one_count(settings: Settings) -> Settings:
+    """The same; raises `InputError` where they hold several neuron counts."""
+    if len(settings.neurons) > 1:
+        raise InputError(f"neurons are {settings.neurons}; give one count")
+    return settings
+
+
 def smoked(settings: Settings) -> Settings:
     """The same, cut down to seconds: few samples, few neurons, few folds."""
     return replace(

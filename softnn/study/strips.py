@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from softnn.effects import effect
 from softnn.export.compiled import Compiled
 from softnn.export.files import stored_of
 from softnn.fit import Piece
-from softnn.mismatch.model_file import Stored
+from softnn.model_file import Stored
 from softnn.models import Hooke
 from softnn.models.fit_piecewise import fit_jointly
 from softnn.models.segments import Equal
@@ -23,13 +24,11 @@ from softnn.models.units import Units
 from softnn.motor import Strip
 from softnn.neural import Seen, StoredNetwork, samples, train
 from softnn.recording import Recording
-from studies.shown.actuator import Row
 
 NAME, STEP_S = "NatPolR", 1e-3
-
 NEURONS = 13  # Table 6.6
-
 SEGMENTS, BRANCHES = 12, 8
+Row = dict[str, Any]
 
 
 @dataclass

@@ -18,7 +18,6 @@ from dataclasses import asdict
 from datetime import datetime
 from functools import cache
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from softnn.contracts import InputError
 from softnn.neural import StoredNetwork
 from softnn.neural.served import Served
 from softnn.search import Finished, Objective, Range, Result, Search, Value, When
-from softnn.study.common import fingerprint
+from softnn.study.common import fingerprint, write_result
 from softnn.study.material_data import Data
 from softnn.study.settings import Places, Settings, listed
 from softnn.study.trainer import Trainer
@@ -127,15 +126,10 @@ class Sweep:
     def __enter__(self) -> Sweep:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:
         self._bar.close()
-        self.tracker.__exit__(kind, error, trace)
-        self.search.__exit__(kind, error, trace)
+        self.tracker.__exit__(*error)
+        self.search.__exit__(*error)
 
     def possible(self, split: str) -> str | None:
         """None if the data can be split so, else why not."""
@@ -250,6 +244,19 @@ class Sweep:
             said.tolist(),
         )
 
+    def told(self, headline: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+        """What the result file keeps of this material; asked while it is open."""
+        return {
+            "material": self.data.material,
+            "label": self.data.label,
+            "data_sha256": self.data.digest,
+            "headline": headline,
+            **more,
+            "trials_from_store": sum(t.stored for t in self.trials),
+            "seconds": self.seconds,
+            "study_key": self.key,
+        }
+
     @property
     def ended(self) -> datetime:
         """When the last trial finished."""
@@ -276,6 +283,27 @@ class Sweep:
             f"{old} of {len(self.trials)} trials were finished before and are taken "
             "from the store (--fresh runs them again)"
         )
+
+
+def write_all(
+    study: str,
+    settings: Settings,
+    places: Places,
+    found: Sequence[Mapping[str, Any]],
+    **body: Any,
+) -> dict[str, Any]:
+    """Write the result of a study of several materials: headline and materials."""
+    headline = headline_of_all(found)
+    path = write_result(
+        settings.file_name(study),
+        headline,
+        {"settings": asdict(settings), **body, "materials": found},
+        seed=settings.seed,
+        data={one["label"]: one["data_sha256"] for one in found},
+        folder=places.results,
+    )
+    print(f"result: {path}; runs: {places.tracking}")
+    return {"headline": headline, "materials": found}
 
 
 def headline_of_all(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -7,10 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softnn.metrics import nrmse
-from softnn.models.fit_piecewise import (
-    PiecewiseFit,
-    sweep,
-)
+from softnn.models.fit_piecewise import PiecewiseFit, sweep
 from softnn.models.segments import Tolerance
 from softnn.study.baselines import TOLERANCES
 from softnn.study.piecewise import Case

@@ -6,12 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softnn.models.relaxation import (
-    Method,
-    collocation,
-    log_spaced,
-    non_negative,
-)
+from softnn.models.relaxation import Method, collocation, log_spaced, non_negative
 from softnn.study.common import COLOURS, FAINT, INK, markdown, percent
 from softnn.study.piecewise import Case, Work, legend_below, panels
 

@@ -6,11 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from softnn.study import common
-from softnn.study.ranges import (
-    Area,
-    Query,
-    outline,
-)
+from softnn.study.ranges import Area, Query, outline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

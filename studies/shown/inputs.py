@@ -7,14 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softnn.study.common import (
-    COLOURS,
-    FAINT,
-    new_figure,
-)
-from softnn.study.settings import (
-    Settings,
-)
+from softnn.study.common import COLOURS, FAINT
+from softnn.study.piecewise import panels
+from softnn.study.settings import Settings
 from softnn.study.sweep import WHAT
 
 if TYPE_CHECKING:
@@ -23,13 +18,8 @@ if TYPE_CHECKING:
 
 def draw(found: Sequence[dict[str, Any]], settings: Settings) -> Figure:
     """Generalisation error of each architecture, a panel a material."""
-    columns = min(len(found), 4)
-    rows = -(-len(found) // columns)
-    figure = new_figure(max(4.8, 2.4 * columns), 2.6 * rows + 0.4)
-    panels = np.atleast_1d(figure.subplots(rows, columns, squeeze=False).ravel())
-    for axes in panels[len(found) :]:
-        axes.set_visible(False)
-    for axes, one in zip(panels, found, strict=False):
+    figure, grid = panels(len(found), height=2.6)
+    for axes, one in zip(grid, found, strict=True):
         trials = [t for t in one["trials"] if t["split"] == settings.split]
         names = [t["inputs"] for t in trials]
         height = [100 * t["generalisation_error"] for t in trials]
@@ -46,7 +36,7 @@ def draw(found: Sequence[dict[str, Any]], settings: Settings) -> Figure:
         axes.set_title(one["material"])
         axes.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
         axes.tick_params(axis="x", labelsize=7)
-    panels[0].set_ylabel(f"NRMSE [%], {WHAT[settings.split]}")
+    grid[0].set_ylabel(f"NRMSE [%], {WHAT[settings.split]}")
     source = "virtual specimens" if settings.data == "virtual" else settings.data
     figure.suptitle(
         f"{source}: {settings.neurons[0]} neurons, {settings.fraction:.0%} of the "

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from softnn.study.baselines import (
-    MODELS,
-)
+from softnn.study.baselines import MODELS
 from softnn.study.common import COLOURS, FAINT, percent
 from softnn.study.piecewise import Case, Work, panels, speed_label
 

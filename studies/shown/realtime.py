@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softnn.study import common
-from softnn.study.realtime_inputs import (
-    SCENARIOS,
-    SECONDS,
-    STEP_S,
-    Row,
-    readings,
-)
+from softnn.study.realtime_inputs import SCENARIOS, SECONDS, STEP_S, Row, readings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,15 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from softnn.search import Finished
-from softnn.study.common import (
-    COLOURS,
-    FAINT,
-    new_figure,
-)
+from softnn.study.common import COLOURS, FAINT, new_figure
 from softnn.study.material_data import Data
-from softnn.study.settings import (
-    Settings,
-)
+from softnn.study.settings import Settings
 from softnn.study.sweep import WHAT
 
 if TYPE_CHECKING:

@@ -9,10 +9,7 @@ import numpy as np
 
 from softnn.materials import MATERIALS, table
 from softnn.study import common
-from softnn.study.tendon_match import (
-    Row,
-    Tendon,
-)
+from softnn.study.tendon_match import Row, Tendon
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -55,10 +55,10 @@ static double {p}_network(const double *x)
     static const double half[{d}] = {{half}};
     static const double hidden[{n}][{d} + 1] = {{hidden}};
     static const double output[{n} + 1] = {{output}};
-    double z[{d}], sum = output[{n}];
+{limits}    double z[{d}], sum = output[{n}];
     int i, j;
     for (j = 0; j < {d}; j++) {
-        z[j] = (x[j] - middle[j]) / half[j];
+        z[j] = ({known} - middle[j]) / half[j];
     }
     for (i = 0; i < {n}; i++) {
         double a = hidden[i][{d}];
@@ -67,5 +67,5 @@ static double {p}_network(const double *x)
         }
         sum += output[i] * tanh(a);
     }
-    return sum * {target_half} + {target_middle};
+    return {stress};
 }

@@ -11,20 +11,60 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softnn.axes import SPECIMEN, Axes, common
-from softnn.contracts import Array, Chunk, Effect, InputError
+from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
-from softnn.mismatch.case import HISTORIES, Case, to_data
 from softnn.models.units import BASES, Units
 from softnn.recording import Recording
 from softnn.simulate import Term, simulate
+from softnn.state import FEATURES, features
 
 if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
 
 VERSION = 1
 KIND, NETWORK = "softnn-model", "softnn-network"
+HISTORIES = ("fresh", "continued")
 LARGEST = 1e30  # of any number in a file: what is far beyond it is junk
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A stress, MPa, that a network adds: what no effect explains.
+
+    Kept to the ranges of its training: a slower or longer recording than any it knows
+    would have it extrapolate.
+    """
+
+    features: tuple[str, ...]  # of `softnn.state`
+    network: Any
+
+    def at(self, x: Array) -> Array:
+        """What the network says (n,) of features (n, d)."""
+        inputs, target = self.network.inputs, self.network.target
+        known = self.network.predict(np.clip(x, inputs.low, inputs.high))
+        return np.clip(known, target.low, target.high)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready; `from_dict` takes it back."""
+        return {"features": list(self.features), "network": self.network.to_dict()}
+
+    @classmethod
+    def from_dict(cls, given: Any) -> Correction:
+        """Raises `InputError` for features that are not known, or are not as many."""
+        from softnn.neural import Network
+
+        known = (*FEATURES, "temperature_C")
+        names = given["features"]
+        if not isinstance(names, list) or not set(names) <= set(known):
+            raise InputError(f"learned: features are {names!r}; allowed: {list(known)}")
+        network = Network.from_dict(given["network"])
+        if len(network.inputs.low) != len(names):
+            raise InputError(
+                f"learned: a network of {len(network.inputs.low)} inputs, and "
+                f"{len(names)} features"
+            )
+        return cls(tuple(names), network)
 
 
 @dataclass(frozen=True)
@@ -41,7 +81,7 @@ class Stored:
     own: tuple[dict[str, dict[str, float]], ...]
     needs_simulated: bool
     history: str
-    learned: dict[str, Any] | None = None
+    learned: Correction | None = None
     simulation: Stored | StoredNetwork | None = None
     source: dict[str, Any] | None = None  # as the file holds it
     axes: Axes = SPECIMEN  # what its strain and MPa are
@@ -56,8 +96,7 @@ class Stored:
         model that corrects a simulation from elsewhere.
         """
         common({"the model": self.axes, recording.name: recording.axes})
-        (chunk,) = to_data(Case("", (recording,))).chunks
-        return self.stress([recording.name], [chunk], [simulated_MPa])[0]
+        return self.stress([recording.name], [recording.history], [simulated_MPa])[0]
 
     def stress(
         self,
@@ -73,11 +112,9 @@ class Stored:
         if self.simulation is not None:
             simulated = self.simulation.stress(names, chunks, simulated, continued)
         x, y = self.axes.strain.one, self.axes.stress.one
-        if x != 1 or y != 1:
-            chunks = [replace(c, strain=np.asarray(c.strain) / x) for c in chunks]
-            simulated = [None if s is None else np.asarray(s) / y for s in simulated]
-        out = self._counted(names, chunks, simulated, continued)
-        return out if y == 1 else [stress * y for stress in out]
+        chunks = [replace(c, strain=np.asarray(c.strain) / x) for c in chunks]
+        simulated = [None if s is None else np.asarray(s) / y for s in simulated]
+        return [y * s for s in self._counted(names, chunks, simulated, continued)]
 
     def _counted(
         self,
@@ -109,15 +146,10 @@ class Stored:
                     )
                 out[i] = out[i] + given - plain[i]
         if self.learned is not None:
-            from softnn.mismatch.learn import features, within
-            from softnn.neural import Network
-
-            network = Network.from_dict(self.learned["network"])
-            names_ = tuple(self.learned["features"])
-            out = [
-                o + within(network, features(c, names_))
-                for o, c in zip(out, chunks, strict=True)
-            ]
+            for i, chunk in enumerate(chunks):
+                out[i] = out[i] + self.learned.at(
+                    features(chunk, self.learned.features)
+                )
         return out
 
 
@@ -126,10 +158,19 @@ def to_dict(
     recordings: Sequence[str],
     history: str,
     needs_simulated: bool,
-    learned: Mapping[str, Any] | None = None,
+    learned: Correction | None = None,
     simulation: Mapping[str, Any] | None = None,
+    axes: Axes = SPECIMEN,
 ) -> dict[str, Any]:
-    """A guess as model.json; readable, and stable under writing and reading."""
+    """A guess as model.json; readable, and stable under writing and reading.
+
+    `axes` say what its strain and MPa are, where it is a component's.
+    """
+
+    def unit(p: Parameter) -> str:
+        size, name = axes.of(p)
+        return name if size == 1 else f"{size:g} {name}"
+
     effects = []
     for piece in guess.pieces:
         values: dict[str, float] = {}
@@ -146,7 +187,7 @@ def to_dict(
                 "effect": piece.effect.id,
                 "form": piece.effect.form,
                 "values": values,
-                "units": {p.name: p.unit for p in piece.effect.parameters},
+                "units": {p.name: unit(p) for p in piece.effect.parameters},
                 "own": own,
             }
         )
@@ -162,8 +203,9 @@ def to_dict(
             "corrects_simulated_MPa": needs_simulated,
         },
         "effects": effects,
-        "learned": None if learned is None else dict(learned),
+        "learned": None if learned is None else learned.to_dict(),
         "simulation": None if simulation is None else dict(simulation),
+        **({"axes": axes.to_dict()} if axes.component else {}),
     }
 
 
@@ -196,66 +238,63 @@ def _number(value: Any) -> float:
 
 
 def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
-    if isinstance(data, dict) and data.get("kind") == NETWORK:
-        from softnn.neural import stored
-
-        try:
-            return stored.from_dict(data)
-        except InputError as error:
-            raise InputError(str(error), file=path) from None
-    if not isinstance(data, dict) or data.get("kind") != KIND:
-        raise InputError(f"no model.json of softnn (kind is not {KIND!r})", file=path)
-    if data.get("version") != VERSION:
-        raise InputError(
-            f"version is {data.get('version')!r}; this softnn reads {VERSION}",
-            file=path,
-        )
+    """The model that a file holds. Raises `InputError`, which names the file."""
     try:
-        base = data["base"]
-        units = Units(
-            str(base["name"]),
-            tuple(_number(k) for k in base["knots"]),
-            tuple(_number(t) for t in base["relaxation_times_s"]),
-        )
-        if units.name not in BASES:
-            raise InputError(f"no base {units.name!r}; allowed: {', '.join(BASES)}")
-        stiffness = np.array([_number(k) for k in base["stiffness_MPa"]])
-        pieces, own = [], []
-        for entry in data["effects"]:
-            law = effect(entry["effect"], entry["form"])
-            # A shape that the law has got since the file was written is the usual one.
-            usual = {k: v for k, v in law.defaults().items() if k in law.shape}
-            values = usual | {k: float(v) for k, v in entry["values"].items()}
-            law.prepare(values)
-            pieces.append(Piece(law, values, ()))
-            own.append(_own(law, entry.get("own", {})))
-        history = str(data["history"])
-        if history not in HISTORIES:
-            raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
-        _check_learned(data.get("learned"))
-        axes = Axes.from_dict(data.get("axes"))
-        needs = bool(base.get("corrects_simulated_MPa", False))
-        inner = data.get("simulation")
-        simulation = None if inner is None else from_dict(inner)
+        if isinstance(data, dict) and data.get("kind") == NETWORK:
+            from softnn.neural import stored
+
+            return stored.from_dict(data)
+        return _stored(data)
     except InputError as error:
         raise InputError(str(error), file=path) from None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"cannot be read as a model: {error!r}", file=path) from None
+
+
+def _stored(data: Any) -> Stored:
+    if not isinstance(data, dict) or data.get("kind") != KIND:
+        raise InputError(f"no model.json of softnn (kind is not {KIND!r})")
+    if data.get("version") != VERSION:
+        raise InputError(
+            f"version is {data.get('version')!r}; this softnn reads {VERSION}"
+        )
+    base = data["base"]
+    units = Units(
+        str(base["name"]),
+        tuple(_number(k) for k in base["knots"]),
+        tuple(_number(t) for t in base["relaxation_times_s"]),
+    )
+    if units.name not in BASES:
+        raise InputError(f"no base {units.name!r}; allowed: {', '.join(BASES)}")
+    stiffness = np.array([_number(k) for k in base["stiffness_MPa"]])
     if stiffness.shape != (units.columns,) or not (stiffness >= 0).all():
         raise InputError(
-            f"stiffness_MPa must hold {units.columns} numbers of 0 or more", file=path
+            f"stiffness_MPa must hold {units.columns} numbers of 0 or more"
         )
+    pieces, own = [], []
+    for entry in data["effects"]:
+        law = effect(entry["effect"], entry["form"])
+        # A shape that the law has got since the file was written is the usual one.
+        usual = {k: v for k, v in law.defaults().items() if k in law.shape}
+        values = usual | {k: float(v) for k, v in entry["values"].items()}
+        law.prepare(values)
+        pieces.append(Piece(law, values, ()))
+        own.append(_own(law, entry.get("own", {})))
+    history = str(data["history"])
+    if history not in HISTORIES:
+        raise InputError(f"history is {history!r}; allowed: {list(HISTORIES)}")
+    learned, inner = data.get("learned"), data.get("simulation")
     return Stored(
         units,
         stiffness,
         tuple(pieces),
         tuple(own),
-        needs,
+        bool(base.get("corrects_simulated_MPa", False)),
         history,
-        data.get("learned"),
-        simulation,
+        None if learned is None else Correction.from_dict(learned),
+        None if inner is None else from_dict(inner),
         data,
-        axes,
+        Axes.from_dict(data.get("axes")),
     )
 
 
@@ -269,21 +308,3 @@ def _own(law: Effect, given: Mapping[str, Any]) -> dict[str, dict[str, float]]:
         out[name] = {recording: float(x) for recording, x in values.items()}
         declared[name].check(list(out[name].values()))
     return out
-
-
-def _check_learned(given: Any) -> None:
-    if given is None:
-        return
-    from softnn.mismatch.learn import FEATURES
-    from softnn.neural import Network
-
-    known = (*FEATURES, "temperature_C")
-    names = given["features"]
-    if not isinstance(names, list) or not set(names) <= set(known):
-        raise InputError(f"learned: features are {names!r}; allowed: {list(known)}")
-    network = Network.from_dict(given["network"])
-    if len(network.inputs.low) != len(names):
-        raise InputError(
-            f"learned: a network of {len(network.inputs.low)} inputs, and {len(names)} "
-            "features"
-        )

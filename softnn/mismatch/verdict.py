@@ -1,0 +1,94 @@
+"""What may be said of a search: which effects are named, and the verdict."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softnn.fit import fit
+from softnn.mismatch import locate, verify
+from softnn.mismatch.accounts import Search
+from softnn.mismatch.base import weigh_by
+from softnn.mismatch.posterior import NAMED, SURE, posterior
+
+NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
+HELPS = 1 / 3  # of the held-out error over the noise, that an explanation takes away
+FEWEST = 30  # samples in all, below which nothing is told apart
+
+
+class Told:
+    """Verdict and names, and the simulations before and after they are corrected.
+
+    `engine` has the samples of the search, `fine` those of the report; `before` and
+    `after` are fits to the latter, one and the same where nothing is named.
+    """
+
+    def __init__(self, found: Search) -> None:
+        self.found, self.base, self.engine = found, found.base, found.base.engine
+        self.probable = posterior(found.accounts)
+        self.account = self.probable.best
+        base = self.base.fit
+        self.heldout_before = verify.heldout(self.engine, base)
+        self.heldout_after = verify.heldout(self.engine, self.account.fit)
+        self.names = self._names()
+        self.verdict = self._verdict()
+        self.final = self.account.fit
+        if not self.names:
+            self.final, self.heldout_after = base, self.heldout_before
+        self.fine, fixed = self.engine.fine or self.engine, self.base.fixed
+        weigh_by(self.fine, found.noise)
+        self.before = fit(self.fine, base.guess, fixed_base=fixed, iterations=2)
+        self.after = self.before
+        if self.names:
+            guess = self.final.guess
+            self.after = fit(self.fine, guess, fixed_base=fixed, iterations=3)
+
+    def _names(self) -> list[str]:
+        """The selected effects in the order in which they act, if they may be named."""
+        fits = self.account.effects == self.probable.selected
+        if not (fits and self.tellable and self.helps):
+            return []
+        pieces = self.account.fit.guess.pieces
+        return [p.effect.id for p in pieces if not p.nuisance]
+
+    @property
+    def few(self) -> bool:
+        """Whether there are too few samples to tell anything apart."""
+        return len(self.engine.target) < FEWEST
+
+    @property
+    def tellable(self) -> bool:
+        """Whether these recordings can show what was selected.
+
+        On first loading most physics looks alike: softening, set and friction are a
+        spring there. What a rig or a channel does can still be told.
+        """
+        pieces = [p for p in self.account.fit.guess.pieces if not p.nuisance]
+        material = any(p.effect.stage == "material" for p in pieces)
+        return not self.few and not (material and locate.only_loading(self.engine))
+
+    @property
+    def helps(self) -> bool:
+        """Whether recordings left out are foretold better, by more than a little.
+
+        Where their error is the noise, there is nothing that could be taken from it.
+        """
+        old, new = self.heldout_before[0].sum(), self.heldout_after[0].sum()
+        least = float(np.sum(self.engine.sigma**2))
+        over = old - least
+        return bool(over < NEAR * least or old - new > HELPS * over)
+
+    def _verdict(self) -> str:
+        probable = self.probable
+        if self.few:
+            return "undetermined"
+        if self.names:
+            if min(probable.effects[n] for n in self.names) < SURE:
+                return "undetermined"
+            left = self.account.fit.chi2 / len(self.engine.target) - 1
+            beside = probable.other > NAMED or left > NEAR
+            return "partly_explained" if beside else "explained"
+        if probable.nothing >= NAMED:
+            return "nothing_missing"
+        known = probable.selected and self.tellable  # and yet it may not be named
+        unexplained = known or probable.nothing_named >= NAMED
+        return "unexplained" if unexplained else "undetermined"
