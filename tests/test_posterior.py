@@ -11,6 +11,7 @@ from softnn.fit import Piece
 from softnn.mismatch.accounts import Account
 from softnn.mismatch.evidence import Evidence
 from softnn.mismatch.posterior import (
+    CONSTANTS,
     Constants,
     Hypothesis,
     Posterior,
@@ -21,26 +22,29 @@ from softnn.mismatch.posterior import (
 )
 
 N = 400
-HAND = Constants(2.0, 1.0, 4.0, 0.05, 1.0, 2.0, 0.25, 3.0, 4.0)
+HAND = Constants(2.0, 4.0, 1.0, 3.0, 0.5, 1.0, 2.0, 0.25, 3.0, 4.0)
 
 
 def account(*names, alone=0.0, beside=0.0, numbers=0, own=False):
-    """An account as the posterior sees it; `own`: of values of several recordings."""
-    groups = ((0,), (1,)) if own else ()
-    pieces = [Piece(effect(n), {}, (), groups) for n in names]
+    """An account as the posterior sees it; `own`: each effect has values of its own."""
+    pieces = [Piece(effect(n), {}, (), ()) for n in names]
     pieces.append(Piece(effect("gain_error"), {}, (), ((0,), (1,)), nuisance=True))
     guess = SimpleNamespace(pieces=tuple(pieces))
+    places = [(i, (0,) if own else None) for i in range(len(names))]
+    places += [(len(names), (1,)), (-1, (0,))]  # specimens, and a value of the base
+    slots = [SimpleNamespace(piece=i, recordings=r) for i, r in places]
     known = Evidence(alone, alone, beside, 0.0, 0.0, 0.0, 0.0, numbers)
-    return Account(SimpleNamespace(guess=guess, residual=np.zeros(N)), known)
+    fit = SimpleNamespace(guess=guess, residual=np.zeros(N), slots=slots)
+    return Account(fit, known)
 
 
 def test_features_are_counted():
     both = account("slack", "inertia", alone=50.0, beside=70.0, numbers=3, own=True)
     price = 1.5 * np.log(N)
     row = features(Hypothesis(both, False))
-    assert row == pytest.approx([50, price, 1, 1, 2, 0, 0])
+    assert row == pytest.approx([50, price, 1, 1, np.log(N), 0, 0])
     row = features(Hypothesis(both, True))
-    assert row == pytest.approx([70, price, 1, 1, 2, 1, 1])
+    assert row == pytest.approx([70, price, 1, 1, np.log(N), 1, 1])
     # The scatter between specimens is no effect.
     row = features(Hypothesis(account(beside=5.0), True))
     assert row == pytest.approx([5, 0, 0, 0, 0, 1, 0])
@@ -49,18 +53,19 @@ def test_features_are_counted():
 TABLE = np.array(
     [
         [100.0, 0, 0, 0, 0, 0, 0],  # nothing
-        [120.0, 0, 0, 0, 0, 1, 0],  # something on no list
-        [181.0, 1, 1, 0, 1, 0, 0],  # an effect of several recordings, one number
-        [170.0, 0, 1, 1, 0, 1, 1],  # two, and something else
+        [136.0, 0, 0, 0, 0, 1, 0],  # something on no list
+        [165.0, 1, 1, 0, 1, 0, 0],  # an effect, one number and that its own
+        [149.0, 0, 1, 1, 0, 1, 1],  # two, and something else
     ]
 )
 COSTS = np.array([0.0, 3.0, 1.25, 10.0])
 
 
 def test_probabilities_of_a_small_table():
-    # The best gains 80: an error of 4 + 0.05 x 80 = 8 nats, and the others are behind
-    # it by 80, 60, 0 and 10.
-    weight = np.exp(-COSTS) * np.array([11.0, 8.5, 1.0, 2.25]) ** -2
+    # Effects gain 64 and 49: errors of 4, 4, 8 and 7.5 nats. Behind the best by 64, 28,
+    # 0 and 15: by 16, 7, 0 and 2 errors.
+    lost = np.array([4 + 4 * np.log(4.0), 2 + 2 * np.log(3.5), 0.0, 2.0])
+    weight = np.exp(-lost - COSTS)
     found = probabilities(TABLE, HAND)
     np.testing.assert_allclose(found, weight / weight.sum(), atol=1e-12)
 
@@ -73,16 +78,34 @@ def odds(gain, constants=HAND):
     return np.log(effect_ / nothing)
 
 
-def test_what_is_gained_without_end_says_no_more_than_a_limit():
-    assert odds(1e12) == pytest.approx(2 * np.log(1 + 1 / 0.05) - 1, rel=1e-6)
+def test_odds_grow_as_a_power_of_what_is_gained():
+    assert odds(16e12) == pytest.approx(4 + 4 * np.log(1e12) - 1, rel=1e-9)
     # And what gains nothing costs what it costs.
     assert odds(0.0) == pytest.approx(-1.0)
 
 
-def test_a_small_gain_counts_as_its_likelihood_to_a_power():
-    # An error large beside the gain, of a tail as thin: the odds are the evidence's.
-    thin = replace(HAND, tail=1e6, error=1e6, share=0.0)
-    assert odds(7.0, thin) == pytest.approx(7.0 - 1.0, rel=1e-4)
+def test_the_same_lead_says_less_where_both_gain_much():
+    def lead(gain):
+        rows = np.zeros((3, 7))
+        rows[1:, 0], rows[1:, 2] = [gain, gain + 12.0], 1.0
+        _, second, first = probabilities(rows, HAND)
+        return first / second
+
+    assert lead(64.0) == pytest.approx(np.exp(12 / 8))
+    assert lead(6400.0) == pytest.approx(np.exp(12 / 44))
+
+
+def test_a_small_gain_counts_as_its_likelihood():
+    exact = replace(HAND, noise=10.0, error=0.0)
+    assert odds(7.0, exact) == pytest.approx(7.0 - 1.0)
+
+
+def test_no_nat_counts_for_more_than_one():
+    gains = np.geomspace(0.01, 1e6, 200)
+    for constants in (CONSTANTS, HAND):
+        slope = np.diff([odds(g, constants) for g in gains]) / np.diff(gains)
+        assert slope.max() <= 1.0
+        assert slope.min() > 0
 
 
 def test_probabilities_are_those_of_the_weights_and_sum_to_one():
@@ -113,7 +136,7 @@ def test_probabilities_are_those_of_the_weights_and_sum_to_one():
 
 def test_all_alike_are_alike_and_evidence_beyond_floats_is_no_trouble():
     same = [account(alone=1.0, beside=1.0), account("slack", alone=1.0, beside=1.0)]
-    free = Constants(2.0, 1.0, 4.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0)
+    free = Constants(2.0, 2.0, 1.0, 3.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0)
     np.testing.assert_allclose(posterior(same, free).probability, 0.25)
     far = [account(), account("slack", alone=1e8, beside=1e8)]
     sharp = replace(HAND, share=0.0)

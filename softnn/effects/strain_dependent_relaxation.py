@@ -24,7 +24,7 @@ class StrainDependentRelaxation(Effect):
     """
 
     stage = "material"
-    ports = ("branches",)
+    ports: tuple[str, ...] = ("branches",)
     parameters: tuple[Parameter, ...] = (
         Parameter(
             "growth",
@@ -56,7 +56,7 @@ class StrainDependentRelaxation(Effect):
 
     @property
     def second_forms(self):
-        return (StrainDrivenBranches(), StrainClock())
+        return (StrainDrivenBranches(), Schapery(), StrainClock())
 
     def factor(self, p, strain):
         x = np.abs(strain)
@@ -96,6 +96,51 @@ class StrainDrivenBranches(StrainDependentRelaxation):
 
     def after(self, p, signal, state):
         return signal, None
+
+
+class Schapery(StrainDependentRelaxation):
+    r"""Inside the integral and outside of it, each in its own measure.
+
+    .. math:: \sigma_b = (1 + b|\varepsilon|) \int E(t - t')\,
+              d\left(\varepsilon + a\,\varepsilon|\varepsilon| / 2\right)
+
+    h_2 and h_1 of Schapery 1969, doi:10.1002/pen.760090410, to first order in strain.
+    """
+
+    ports = ("branch_strain", "branches")
+    parameters = (
+        StrainDependentRelaxation.parameters[0],
+        Parameter(
+            "outer",
+            "-",
+            -20.0,
+            50.0,
+            0.0,
+            meaning="b, outside the integral, per unit of strain",
+            per_strain=1,
+        ),
+    )
+    off = {"growth": 0.0, "outer": 0.0}
+    shape = ("outer",)
+
+    def before(self, p, signal, state):
+        e = signal.branch_strain
+        measure = e + p["growth"] * e * np.abs(e) / 2
+        return replace(signal, branch_strain=measure), None
+
+    def after(self, p, signal, state):
+        factor = np.maximum(1 + p["outer"] * np.abs(signal.strain), 0.0)
+        return replace(signal, branches=signal.branches * factor), None
+
+    def starts(self, scales):
+        unit = 1 / max(scales.strain, 1e-6)
+        return [
+            {
+                "growth": float(np.clip(inside * unit, -20, 50)),
+                "outer": float(np.clip(outside * unit, -20, 50)),
+            }
+            for inside, outside in ((1.0, -0.5), (1.0, 0.5), (-0.6, 1.0))
+        ]
 
 
 class StrainClock(StrainDependentRelaxation):

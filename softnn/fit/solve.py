@@ -14,6 +14,7 @@ from softnn.fit.engine import Engine
 from softnn.fit.point import Guess, Slot, get, put, slots
 
 RIDGE = 1e-11  # of each diagonal entry: keeps collinear branches solvable
+UNEVEN = 10.0  # of the mean stiffness: standard deviation between one segment and next
 
 
 @dataclass
@@ -58,7 +59,7 @@ def solve_base(
         return guess, stress, a, residual, float(residual @ residual)
     x = guess.stiffness
     target = residual + a @ x
-    gram = a.T @ a
+    gram = a.T @ a + uneven(engine, guess)
     new = _bounded(gram, a.T @ target, np.zeros(len(x)), np.full(len(x), np.inf), x)
     guess = replace(guess, stiffness=new)
     # Not the linearised stress: a clipped or one-sided effect bends between the two.
@@ -71,6 +72,21 @@ def solve_base(
         residual,
         float(residual @ residual),
     )
+
+
+def uneven(engine: Engine, guess: Guess) -> Array:
+    """Precision (stiffnesses, stiffnesses) of segments, each like the one beside it.
+
+    So wide that it speaks only where the recordings do not: of what lies beyond the
+    limit of a load cell, or is slack, a fit would otherwise take any stiffness at all.
+    """
+    units = guess.units
+    reach = max(float(np.abs(c.strain).max(initial=0.0)) for c in engine.chunks)
+    out = np.zeros((units.columns, units.columns))
+    step = np.diff(np.eye(units.segments), axis=0)
+    sd = UNEVEN * engine.level / max(reach, 1e-300)
+    out[: units.segments, : units.segments] = step.T @ step / sd**2
+    return out
 
 
 def _bounded(gram: Array, right: Array, low: Array, high: Array, start: Array) -> Array:
@@ -158,6 +174,8 @@ def fit(
         base = a.shape[1] if not fixed_base else 0
         joint = np.concatenate([a, jacobian], axis=1) if base else jacobian
         gram = joint.T @ joint
+        if base:
+            gram[:base, :base] += uneven(engine, guess)
         target = residual + (a @ guess.stiffness if base else 0)
         right = joint.T @ target
         better = False

@@ -36,7 +36,7 @@ FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
 UNSAID = 1.6  # log odds against specimens that nobody wrote down: one case in six
-ELSE_PRIOR = 0.001  # of a, beside effects that are meant to be all there is
+ELSE_PRIOR = 0.001  # of a, where effects are meant to be all there is; of own wander
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
 FADING = 4  # paces at which what was not written down is forgotten
 ROUNDING = 1e-10
@@ -114,8 +114,8 @@ class Weigher:
 
         def value(scales: Sequence[float], free: bool) -> float:
             prior = (scales[0] / FORM_PRIOR) ** 2 + (scales[-1] / SCATTER_PRIOR) ** 2
-            if not free:
-                prior += sum((a / ELSE_PRIOR) ** 2 for a in scales[1:-1])
+            slight = scales[3:-1] if free else scales[1:-1]
+            prior += sum((a / ELSE_PRIOR) ** 2 for a in slight)
             made = gained(gram, right, np.array(scales)[kinds])
             return plain + made - 0.5 * prior - UNSAID * bool(scales[-1])
 

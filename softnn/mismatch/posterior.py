@@ -3,14 +3,18 @@ r"""One posterior over all that was tried: which effects, if any, and what else.
 A hypothesis is a set of effects, alone or beside something that is on no list; the
 empty set alone is *nothing is missing*. Its value v is its log evidence less `number`
 log n / 2 for each number of its own. Every law is only nearly right, so that a value is
-wrong by an error with heavy tails, and by more where there is more to explain:
+wrong by an error with heavy tails, and by more where it explains more:
 
-.. math:: P(S) \propto e^{-\pi(S)} \left(1 + \frac{v_{max} - v(S)}{s + r\,G}\right)^{-k}
+.. math:: P(S) \propto e^{-\pi(S) - h(z)}, \quad
+          z = \frac{v_{max} - v(S)}{1 + s + r\sqrt{g(S)}}, \quad
+          h(z) = \begin{cases} z & z \le k \\ k\,(1 + \log(z / k)) & z > k \end{cases}
 
-with G what the best hypothesis gains over nothing. For small differences it is the
-likelihood to a power k / (s + r G), less the more is explained (Miller and Dunson 2019,
-doi:10.1080/01621459.2018.1469995); for large ones it grows as a power only, as odds do
-under an error of Student's kind. The constants are fitted by maximum likelihood to
+with g what the effects of the hypothesis gain over nothing: the logarithm of their
+likelihood has a standard deviation of sqrt(2 g). For small differences it is the
+likelihood to a power of one at most, the less the more is explained (Miller and Dunson
+2019, doi:10.1080/01621459.2018.1469995); large ones count as a power of themselves
+only, as odds do under an error of Student's kind. k is another for nothing, where no
+law can be wrong, but noise. The constants are fitted by maximum likelihood to
 development cases (`bench.calibrate`). Names, verdict and equivalents are all read off
 these probabilities.
 """
@@ -34,15 +38,16 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 2.98  # k
-    number: float = 0.592  # of (log n) / 2, the price of a number
-    error: float = 1.61  # s, nats
-    share: float = 0.0162  # r, of what the best gains
-    first: float = 3.87  # cost of any effect, nats
-    more: float = 3.0  # of each further one
-    several: float = 0.954  # of values of its own in several recordings
-    other: float = 2.57  # of something on no list
-    both: float = 7.48  # of that beside effects
+    tail: float = 2.27  # k
+    noise: float = 4.29  # k of nothing
+    number: float = 0.491  # of (log n) / 2, the price of a number
+    error: float = 0.132  # s
+    share: float = 0.0551  # r, of the root of what effects gain
+    first: float = 5.3  # cost of any effect, nats
+    more: float = 3.11  # of each further one
+    own: float = 0.0664  # of (log n) / 2, of a number that is of single recordings
+    other: float = 1.52  # of something on no list
+    both: float = 7.67  # of that beside effects
 
 
 CONSTANTS = Constants()
@@ -68,15 +73,19 @@ class Hypothesis:
 def features(hypothesis: Hypothesis) -> Array:
     """What the constants weigh (7,): evidence, price of the numbers, counts."""
     account, count = hypothesis.account, len(hypothesis.effects)
-    n = len(account.fit.residual)
-    several = sum(len(p.groups) > 1 for p in account.fit.guess.pieces if not p.nuisance)
+    one = 0.5 * np.log(len(account.fit.residual))
+    pieces = account.fit.guess.pieces
+    own = sum(
+        s.piece >= 0 and s.recordings is not None and not pieces[s.piece].nuisance
+        for s in account.fit.slots
+    )
     return np.array(
         [
             hypothesis.evidence,
-            0.5 * account.evidence.numbers * np.log(n),
+            account.evidence.numbers * one,
             float(count > 0),
             max(count - 1, 0),
-            several,
+            own * one,
             hypothesis.other,
             hypothesis.other and count > 0,
         ],
@@ -88,10 +97,12 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
     """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
     k = constants
     gain = table[:, 0] - k.number * table[:, 1]
-    best = float(gain.max())
-    behind = (best - gain) / (k.error + k.share * (best - float(gain[0])))
-    costs = np.array([k.first, k.more, k.several, k.other, k.both])
-    log = -k.tail * np.log1p(behind) - table[:, 2:] @ costs
+    own = np.where(table[:, 2] > 0, np.maximum(gain - gain[0], 0.0), 0.0)
+    behind = (gain.max() - gain) / (1 + k.error + k.share * np.sqrt(own))
+    tail = np.where(np.arange(len(gain)) == 0, k.noise, k.tail)
+    far = tail * (1 + np.log(np.maximum(behind, tail) / tail))
+    costs = np.array([k.first, k.more, k.own, k.other, k.both])
+    log = -np.where(behind < tail, behind, far) - table[:, 2:] @ costs
     weight = np.exp(log - log.max())
     return np.asarray(weight / weight.sum())
 

@@ -91,4 +91,5 @@ class Told:
             return "nothing_missing"
         known = probable.selected and self.tellable  # and yet it may not be named
         unexplained = known or probable.nothing_named >= NAMED
-        return "unexplained" if unexplained else "undetermined"
+        missing = probable.nothing <= 1 - SURE  # is said only where it is sure
+        return "unexplained" if missing and unexplained else "undetermined"
