@@ -25,7 +25,8 @@ def on_files(files: Any, config: Any) -> Any:
 
     made = {"gallery/index.md": overview()}
     for law in EFFECTS:
-        made |= {f"gallery/{law.id}.md": page(law), f"gallery/{law.id}.svg": figure(law)}
+        made[f"gallery/{law.id}.md"] = page(law)
+        made[f"gallery/{law.id}.svg"] = figure(law)
     for name, content in made.items():
         files.append(File.generated(config, name, content=content))
     return files

@@ -119,8 +119,8 @@ def test_studies_have_the_same_gate(tmp_path, capsys):
     from softnn.study.settings import Settings
 
     file = tmp_path / "mine.csv"
-    file.write_text(text(strain=100 * STRAIN))
-    with pytest.raises(InputError, match="per cent.*--as-is"):
+    file.write_text(text(strain=100 * STRAIN, stress=0.03 * STRESS))
+    with pytest.raises(InputError, match=r"per cent.*--as-is"):
         prepared(Settings(data=str(file)))
     assert prepared(Settings(data=str(file), as_is=True, samples=30))
     file.write_text(text(stress=15 * STRESS))
@@ -170,7 +170,8 @@ MACHINES = {
     "only the head": (LEAP, lambda raw: b"\n".join(raw.split(b"\n")[:6]), SIZES),
     "zero bytes in the middle": (
         LEAP, lambda raw: raw[:9000] + b"\x00" * 500 + raw[9500:], SIZES),
-    "an area in m2": (LEAP, lambda raw: raw, ["--length", "16.52", "--area", "61.2e-6"]),
+    "an area in m2": (
+        LEAP, lambda raw: raw, ["--length", "16.52", "--area", "61.2e-6"]),
 }  # fmt: skip
 
 
@@ -211,7 +212,8 @@ def test_a_shell_is_told_the_commands_and_the_options(tmp_path):
     import subprocess
 
     answers = tmp_path / "answers"
-    for line, meant in (("softnn di", "diagnose"), ("softnn diagnose --res", "--resume"),
+    for line, meant in (("softnn di", "diagnose"),
+                        ("softnn diagnose --res", "--resume"),
                         ("softnn data show vhb4910-", "vhb4910-figures")):  # fmt: skip
         asked = {
             "_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)),
