@@ -66,15 +66,19 @@ def _add_rerun(commands: argparse._SubParsersAction) -> None:
         description="Train the networks of one MLflow run again; compare the figures.",
     )
     parser.add_argument("run_id", metavar="RUN_ID", help="of one trial")
-    parser.add_argument("--tracking", metavar="ADDRESS", help="MLflow's address")
+    parser.add_argument(
+        "--tracking",
+        metavar="ADDRESS",
+        default="sqlite:///mlruns/mlflow.db",
+        help="MLflow's (sqlite:///mlruns/mlflow.db)",
+    )
     parser.set_defaults(run=_run_rerun)
 
 
 def _run_rerun(arguments: argparse.Namespace) -> int:
     from softnn.study import rerun
 
-    where = ["--tracking", arguments.tracking] if arguments.tracking else []
-    return int(rerun.main([arguments.run_id, *where]))
+    return int(rerun.command(arguments.run_id, arguments.tracking))
 
 
 # -- read ------------------------------------------------------------------------------

@@ -13,10 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from softnn.axes import Axes
 from softnn.contracts import Array, InputError
 from softnn.recording import Recording
 
 SOFTEST_MPa, STIFFEST_MPa = 1e-3, 100.0
+STIFF_MPa = 10.0  # few elastomers are stiffer, and a gel of 10 kPa is, in kPa
+STRAIGHT = 0.04  # of the peak stress, off a chord: at a strain of 1 rubber is 0.1 off
 LARGE = 7.0  # of strain: few elastomers reach it
 SLOWEST_per_s, FASTEST_per_s = 3e-5, 10.0  # of strain, where it moves most
 AGAINST = -0.5  # correlation of stress and strain, below which one is reversed
@@ -25,50 +28,63 @@ CLOSED = 0.2  # of the range of strain, between the ends of a loop
 STRAIGHTER = 0.3  # of the other's deviation from straight lines: was imposed
 FEWEST = 16  # samples, below which nothing is judged
 
+Tell = Callable[[str, str], None]  # of what, in which column
 
-def check_plausible(recording: Recording, file: str | Path | None = None) -> list[str]:
+
+def check_plausible(
+    recording: Recording, file: str | Path | None = None, as_is: bool = False
+) -> list[str]:
     """Notes, a line each, on what is odd. Raises `InputError` for what must be wrong.
 
-    Of a component, which may be of any stiffness, nothing is known. An error says what
-    to do; `as_is` of whoever asks takes the numbers as they stand.
+    A component may be of any stiffness and wired either way: what is refused of a
+    specimen for its signs or columns is noted of it. An error says what to do; `as_is`
+    takes the numbers as they stand, and says nothing.
     """
     good = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
     time = recording.time_s[good]
     strain, stress = recording.strain[good], recording.stress_MPa[good]
-    if recording.axes.component or len(time) < FEWEST or np.ptp(strain) == 0:
+    if as_is or len(time) < FEWEST or np.ptp(strain) == 0:
         return []
+    axes = recording.axes
     where = file if file is not None else recording.name or None
+    notes: list[str] = []
 
     def refuse(message: str, column: str) -> None:
         raise InputError(
             f"{message}. If it is right, say --as-is", file=where, column=column
         )
 
+    def note(message: str, _: str) -> None:
+        notes.append(message)
+
     if np.ptp(stress) == 0:
         refuse(
-            f"stress is {stress[0]:.4g} MPa throughout while strain moves; is the "
-            "channel connected, and the column the right one?",
-            "stress_MPa",
+            f"{axes.stress.name} is {stress[0]:.4g} {axes.stress.unit} throughout "
+            f"while {axes.strain.name} moves; is the channel connected, and the column "
+            "the right one?",
+            axes.stress.column,
         )
-    _against(strain, stress, refuse)
-    if imposed_is_stress(time, strain, stress):
-        refuse(
-            "stress runs straight in time and strain does not, and a loop gives back "
-            "more work than it takes; are the columns of strain and stress swapped?",
-            "strain",
-        )
+    _against(strain, stress, axes, note if axes.component else refuse)
+    _swapped(time, strain, stress, axes, note if axes.component else refuse)
+    if not axes.component:
+        _stiffness(strain, stress, refuse)
+        notes += _notes(time, strain, stress)
+    return [f"{recording.name}: {said}" for said in notes]
+
+
+def _stiffness(strain: Array, stress: Array, refuse: Tell) -> None:
     stiffness = float(np.ptp(stress) / np.ptp(strain))
+    allowed = f"soft materials have {SOFTEST_MPa:g} to {STIFFEST_MPa:g}"
     if stiffness > STIFFEST_MPa:
         refuse(
-            f"stiffness is {stiffness:.4g} MPa, soft materials have {SOFTEST_MPa:g} to "
-            f"{STIFFEST_MPa:g}; is stress in kPa or Pa, or a force? It must be in MPa",
+            f"stiffness is {stiffness:.4g} MPa, {allowed}; is stress in kPa or Pa, or "
+            "a force? It must be in MPa",
             "stress_MPa",
         )
     if stiffness < SOFTEST_MPa:
         large = np.abs(strain).max() > 1
         refuse(
-            f"stiffness is {stiffness:.4g} MPa, soft materials have {SOFTEST_MPa:g} to "
-            f"{STIFFEST_MPa:g}; "
+            f"stiffness is {stiffness:.4g} MPa, {allowed}; "
             + (
                 "is strain in per cent? Divide it by 100"
                 if large
@@ -76,16 +92,28 @@ def check_plausible(recording: Recording, file: str | Path | None = None) -> lis
             ),
             "strain" if large else "stress_MPa",
         )
-    return [f"{recording.name}: {note}" for note in _notes(time, strain, stress)]
 
 
-def _against(strain: Array, stress: Array, refuse: Callable[[str, str], None]) -> None:
+def _against(strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
     together = float(np.corrcoef(strain, stress)[0, 1])
     if together < AGAINST:
-        refuse(
-            f"stress falls as strain grows (correlation {together:.2g}); one of them "
-            "has its sign reversed: tension is positive, compression negative, in both",
-            "strain",
+        x, y = axes.strain, axes.stress
+        tell(
+            f"{y.name} falls as {x.name} grows (correlation {together:.2g}); one of "
+            "them has its sign reversed: tension is positive, compression negative, in "
+            "both",
+            x.column,
+        )
+
+
+def _swapped(time: Array, strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
+    if imposed_is_stress(time, strain, stress):
+        x, y = axes.strain, axes.stress
+        tell(
+            f"{y.name} runs straight in time and {x.name} does not, and a loop gives "
+            f"back more work than it takes; are the columns of {x.name} and {y.name} "
+            "swapped?",
+            x.column,
         )
 
 
@@ -96,6 +124,17 @@ def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
         notes.append(
             f"strain reaches {top:.3g}, that is {100 * top:.4g} %; if it is in per "
             "cent, divide it by 100"
+        )
+    elif top > 1 and loaded_straight(strain, stress):
+        notes.append(
+            f"stress grows in a straight line up to a strain of {top:.3g}, which "
+            "rubber does not; if strain is in per cent, divide it by 100"
+        )
+    stiffness = float(np.ptp(stress) / np.ptp(strain))
+    if stiffness > STIFF_MPa:
+        notes.append(
+            f"stiffness is {stiffness:.3g} MPa, more than most elastomers have; if "
+            "stress is in kPa, divide it by 1000"
         )
     step = np.diff(time)
     rates = np.abs(np.diff(strain))[step > 0] / step[step > 0]
@@ -116,6 +155,22 @@ def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
             f"stress begins at {first:.3g} MPa with no strain; an offset, or a preload?"
         )
     return notes
+
+
+def loaded_straight(strain: Array, stress: Array) -> bool:
+    """Whether the first loading, to the largest strain, stays near its chord.
+
+    >>> stretch = np.linspace(1, 3, 100)
+    >>> loaded_straight(stretch - 1, stretch - stretch**-2)  # neo-Hooke
+    False
+    >>> loaded_straight(stretch - 1, 0.2 * (stretch - 1))
+    True
+    """
+    end = int(np.argmax(np.abs(strain))) + 1
+    x, y = strain[:end] - strain[0], stress[:end] - stress[0]
+    if end < FEWEST or x[-1] == 0 or y[-1] == 0:
+        return False
+    return float(np.quantile(np.abs(y / y[-1] - x / x[-1]), 0.9)) < STRAIGHT
 
 
 def imposed_is_stress(time: Array, strain: Array, stress: Array) -> bool:

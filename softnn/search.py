@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tempfile
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -34,6 +35,7 @@ optuna.logging.set_verbosity(optuna.logging.WARNING)
 
 Value = int | float | str
 STARTUP = 30  # trials drawn at random before a front is modelled
+TOGETHER = 4  # trials under way: two long ones leave no core idle
 # What is minimised, one number or one an objective, and all there is to keep.
 Result = tuple[float | Sequence[float], dict[str, Any]]
 When = Mapping[str, Callable[[Mapping[str, Any]], bool]]
@@ -192,20 +194,21 @@ class Search:
 
     def explore(
         self,
-        submit: Callable[[dict[str, Any]], Future[Result]],
+        submit: Callable[[dict[str, Any], Sequence[Finished]], Future[Result]],
         trials: int,
         *,
         first: Sequence[Mapping[str, Value]] = (),
         when: When | None = None,
-        together: int = 2,
     ) -> Iterator[Finished]:
         """`trials` trials towards the front of all objectives; those of `first` first.
 
-        `together` trials are drawn before any of them is finished; the next ones are
-        under way while those done are handed out. Parameters are drawn in the order of
-        the space; one named in `when` only where its condition holds for those before
-        it. Tree-structured Parzen estimators, multivariate, one for each group of
-        parameters that occur together (Ozaki et al. 2022, doi:10.1613/jair.1.13188).
+        `TOGETHER` trials are under way at once. Each is drawn, and handed to `submit`,
+        with those that far before it known and no others, whichever ended sooner: so a
+        search that was stopped goes on as if it had not been. Parameters are drawn in
+        the order of the space; one named in `when` only where its condition holds for
+        those before it. Tree-structured Parzen estimators, multivariate, one for each
+        group of parameters that occur together (Ozaki et al.
+        2022, doi:10.1613/jair.1.13188).
         """
         done = [
             self._finished(trial)
@@ -213,48 +216,30 @@ class Search:
             if trial.user_attrs.get("explored")
         ]
         yield from done[:trials]
-        count = len(done)
-        pending: list[tuple[optuna.Trial, Future[Result]]] = []
+        draws = _Draws(self, first, when or {})
+        pending: deque[tuple[optuna.Trial, Future[Result]]] = deque()
         try:
-            while count < trials or pending:
-                ready = [self._told(t, _result_of(f)) for t, f in pending]
-                pending = []
-                while count < trials and len(pending) < together:
-                    known = first[count] if count < len(first) else None
-                    trial = self._asked(count, len(first), known, when or {})
-                    pending.append((trial, submit(dict(trial.params))))
-                    count += 1
-                yield from ready
+            for count in range(len(done), trials):
+                known = done[: max(0, count + 1 - TOGETHER)]
+                parameters = draws.draw(count, known)
+                self._study.sampler = _Given(parameters)
+                trial = self._study.ask({n: draws.space[n] for n in parameters})
+                trial.set_user_attr("explored", True)
+                pending.append((trial, submit(parameters, known)))
+                while len(pending) == TOGETHER or (pending and count == trials - 1):
+                    done.append(self._oldest(pending))
+                    yield done[-1]
         except BaseException:
             for trial, future in pending:
                 future.cancel()
                 self._study.tell(trial, state=TrialState.FAIL, skip_if_finished=True)
             raise
 
-    def _asked(
-        self,
-        count: int,
-        startup: int,
-        known: Mapping[str, Value] | None,
-        when: When,
-    ) -> optuna.Trial:
-        """The next trial, its parameters drawn: as `known`, or by the estimators."""
-        with warnings.catch_warnings():  # `group` may change; results say the version
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            tpe = optuna.samplers.TPESampler(
-                seed=self.seed + 1_000_003 * count,
-                n_startup_trials=max(STARTUP, startup),
-                multivariate=True,
-                group=True,
-            )
-        self._study.sampler = tpe if known is None else _Given(known)
-        trial = self._study.ask()
-        trial.set_user_attr("explored", True)
-        chosen: dict[str, Any] = {}
-        for name, values in self.space.items():
-            if name not in when or when[name](chosen):
-                chosen[name] = _suggest(trial, name, values)
-        return trial
+    def _oldest(self, pending: deque[tuple[optuna.Trial, Future[Result]]]) -> Finished:
+        trial, future = pending[0]
+        told = self._told(trial, lambda _: future.result())
+        pending.popleft()
+        return told
 
     def _trials(self, state: TrialState) -> list[FrozenTrial]:
         return self._study.get_trials(deepcopy=False, states=(state,))
@@ -322,6 +307,53 @@ class _Given(optuna.samplers.BaseSampler):
         )
 
 
+class _Draws:
+    """Parameters of the trials of `explore`: those of `first`, then by the estimators.
+
+    The estimators see a study in memory that is given the trials they may know.
+    """
+
+    def __init__(
+        self, search: Search, first: Sequence[Mapping[str, Value]], when: When
+    ) -> None:
+        self.space = {n: _distribution(v) for n, v in search.space.items()}
+        self.first, self.when, self.seed = first, when, search.seed
+        self._study = optuna.create_study(directions=search._study.directions)
+        self._known = 0
+
+    def draw(self, count: int, known: Sequence[Finished]) -> dict[str, Any]:
+        """Of trial `count`, by what those in `known` say."""
+        if count < len(self.first):
+            return self._chosen(lambda name: self.first[count][name])
+        for one in known[self._known :]:
+            space = {name: self.space[name] for name in one.parameters}
+            self._study.add_trial(
+                optuna.trial.create_trial(
+                    params=one.parameters, distributions=space, values=one.values
+                )
+            )
+        self._known = len(known)
+        with warnings.catch_warnings():  # `group` may change; results say the version
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            self._study.sampler = optuna.samplers.TPESampler(
+                seed=self.seed + 1_000_003 * count,
+                n_startup_trials=max(STARTUP, len(self.first)),
+                multivariate=True,
+                group=True,
+            )
+        trial = self._study.ask()
+        chosen = self._chosen(lambda name: _suggest(trial, name, self.space[name]))
+        self._study.tell(trial, state=TrialState.FAIL)  # it is run elsewhere
+        return chosen
+
+    def _chosen(self, value: Callable[[str], Any]) -> dict[str, Any]:
+        chosen: dict[str, Any] = {}
+        for name in self.space:
+            if name not in self.when or self.when[name](chosen):
+                chosen[name] = value(name)
+        return chosen
+
+
 def _lock(storage: str, name: str) -> Lock | None:
     file = sqlite_file(storage)
     if storage.startswith("sqlite") and file is None:
@@ -351,17 +383,13 @@ def _make(file: Path) -> None:
     made.engine.dispose()
 
 
-def _result_of(future: Future[Result]) -> Objective:
-    return lambda _: future.result()
-
-
-def _suggest(trial: optuna.Trial, name: str, space: Sequence[Value] | Range) -> Any:
-    values = _distribution(space)
+def _suggest(trial: optuna.Trial, name: str, values: BaseDistribution) -> Any:
     if isinstance(values, FloatDistribution):
         return trial.suggest_float(name, values.low, values.high, log=values.log)
     if isinstance(values, IntDistribution):
         return trial.suggest_int(name, values.low, values.high)
-    return trial.suggest_categorical(name, list(space))  # type: ignore[arg-type]
+    assert isinstance(values, CategoricalDistribution)
+    return trial.suggest_categorical(name, values.choices)
 
 
 def _distribution(space: Sequence[Value] | Range) -> BaseDistribution:

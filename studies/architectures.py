@@ -16,6 +16,7 @@ folds for the search and is never on the front.
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
@@ -25,7 +26,7 @@ from typing import Any
 from softnn.contracts import InputError
 from softnn.neural import ARCHITECTURES
 from softnn.search import Finished, Range, Value
-from softnn.study.common import guarded, save_figure, write_result
+from softnn.study.common import guarded, plain, save_figure, write_result
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     Places,
@@ -61,6 +62,7 @@ from studies.architectures_trials import (
 
 DEFAULTS = Settings(samples=200)  # neighbours in time say the same thing twice
 TRIALS = 300
+BEST = Path(__file__).with_name("best")
 CODE = (Path(__file__).with_name("architectures_trials.py"),)
 
 
@@ -70,6 +72,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         "architectures", __doc__, DEFAULTS, omit="inputs split regularisation lag-s"
     )
     made.add_argument("--trials", type=int, default=TRIALS, help=f"({TRIALS})")
+    made.add_argument(
+        "--keep-best",
+        action="store_true",
+        help="write the ends of each front to studies/best, for the tests to hold",
+    )
     arguments = made.parse_args(argv)
 
     def work() -> None:
@@ -81,18 +88,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.smoke:
             run(smoked(settings), places, min(arguments.trials, 6))
         else:
-            run(settings, places, arguments.trials)
+            run(settings, places, arguments.trials, arguments.keep_best)
 
     return guarded(work)
 
 
-def run(settings: Settings, places: Places, trials: int) -> dict[str, Any]:
+def run(
+    settings: Settings, places: Places, trials: int, keep_best: bool = False
+) -> dict[str, Any]:
     """The study of every material asked for; returns what was written."""
     found, skipped = [], {}
     materials = prepared(settings)
     for data in materials:
         try:
             found.append(study(data, settings, places, trials))
+            if keep_best:
+                keep(found[-1], data, settings)
         except InputError as reason:
             if len(materials) == 1:
                 raise
@@ -142,7 +153,7 @@ def study(
         Sweep(
             "architectures", data, settings, space, places, trials + 2, 2, trainer, CODE
         ) as sweep,
-        Judge(trainer, unseen, sweep.search) as judge,
+        Judge(trainer, unseen) as judge,
     ):
         tried = list(
             sweep.explore(
@@ -201,6 +212,22 @@ def study(
     if from_store:
         print(from_store)
     return found
+
+
+def keep(found: Mapping[str, Any], data: Data, settings: Settings) -> Path:
+    """Write both ends of the front to `studies/best`, for the tests to hold."""
+    source = "" if data.is_virtual else f"{data.source}-"
+    path = BEST / f"architectures-{source}{data.file_name}.json"
+    content = {
+        "data_sha256": data.digest,
+        "settings": asdict(replace(settings, material=data.material)),
+        "training": asdict(TRAINING),
+        "unseen": found["unseen"],
+        "ends": {"random": found["front"][0], "unseen": found["front"][-1]},
+    }
+    path.write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
+    print(f"kept: {path}")
+    return path
 
 
 def sweep_name(best: Mapping[str, Choice]) -> str:

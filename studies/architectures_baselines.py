@@ -12,10 +12,9 @@ from softnn.crossval import Folds, score
 from softnn.models.fit_piecewise import PiecewiseFit
 from softnn.neural import Samples
 from softnn.recording import Recording
-from softnn.study.baselines import training_fits
+from softnn.study.baselines import MODELS, WAYS, training_fits
 from softnn.study.material_data import Data
 
-WAYS = {"as_in_thesis": "as in the thesis", "joint": "fitted jointly"}
 TREES = "gradient-boosted trees"
 
 
@@ -49,7 +48,7 @@ def trees(known: Samples, folds: Folds, seed: int) -> dict[str, list[float]]:
 
 
 def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, list[float] | str]:
-    """PL-SLS and PL-Wiechert in both ways: see `softnn.study.baselines`.
+    """PL-SLS and PL-Wiechert in all ways: see `softnn.study.baselines`.
 
     A recording that is held out in part is fitted on the rest of its samples; its hold
     is used only where none of it is held out or the folds are random.
@@ -75,9 +74,6 @@ def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, list[float]
                 scores = score(folds, np.stack(done), known.target)
                 found[f"{model}, {words}"] = scores.nrmse.tolist()
     return found
-
-
-MODELS = ("PL-SLS", "PL-Wiechert")
 
 
 def _whole(known: Samples, test: np.ndarray) -> set[int]:

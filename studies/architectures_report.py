@@ -20,6 +20,7 @@ USES = ("random", "unseen")  # the order of the objectives
 WORDS = {"rate": "by unseen rate", "recording": "by unseen recording"}
 SHAPES = "osD^vP*"
 BESIDE = {"PL-SLS": "X", "PL-Wiechert": "P", "gradient": "s"}
+FACES = {"as in the thesis": "white", "any reading of the holds": "#bbbbbb"}
 WORST = 2.0  # NRMSE beyond which nothing is drawn
 
 
@@ -255,12 +256,12 @@ def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
         if any(isinstance(v, str) for v in values):
             continue
         kind = next(k for k in BESIDE if model["model"].startswith(k))
-        thesis = model["model"].endswith("thesis")
+        way = model["model"].partition(", ")[2]
         axes.plot(
             *(100 * float(np.mean(v)) for v in values),
             BESIDE[kind],
             markersize=8,
-            markerfacecolor="white" if thesis else "#ffe14d",
+            markerfacecolor=FACES.get(way, "#ffe14d"),
             markeredgecolor=INK,
             label=model["model"],
             linestyle="none",

@@ -22,11 +22,12 @@ from softnn.study.baselines import (
     choices,
     described,
     jointly,
+    literal,
     softened,
 )
 from softnn.study.common import markdown, percent
 from softnn.study.foretold import foretold, std_lin_sds
-from softnn.study.piecewise import RULES, Case, Work, carry_out, speed_label
+from softnn.study.piecewise import Case, Work, carry_out, speed_label
 from studies.shown.rates import _row, draw
 
 
@@ -52,8 +53,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
     shown: dict[str, Choice] = {}
     for model in MODELS:
         # As the thesis has it: one way to branches, the tolerance of least error.
-        literal = [c for c in found[thesis] if c.variant.rule == RULES[model]]
-        shown[model] = best(literal, model)
+        shown[model] = literal(found[thesis], model)
         any_reading = best(found[thesis], model)
         soft = best(soft_found, model)
         by_rate = {

@@ -2,11 +2,12 @@
 
 from concurrent.futures import Future
 from datetime import datetime
+from threading import Timer
 
 import numpy as np
 import pytest
 
-from softnn.search import Finished, Range, Search
+from softnn.search import TOGETHER, Finished, Range, Search
 from studies.architectures_report import choices, front, paired, words
 from studies.architectures_trials import beaten, conditions, configuration
 
@@ -97,7 +98,7 @@ def test_parameters_go_with_their_architecture():
 SPACE = {"kind": ["square", "line"], "x": Range(-2, 2), "k": [1, 2, 3]}
 
 
-def done(parameters):
+def done(parameters, known):
     """Two parabolas, with least values at 0 and 1: every x between is on the front."""
     x = parameters.get("x", 0.1 * parameters.get("k", 0))
     future: Future = Future()
@@ -105,13 +106,13 @@ def done(parameters):
     return future
 
 
+FIRST = [{"kind": "square", "x": 1.5}]
 WHEN = {"x": lambda c: c["kind"] == "square", "k": lambda c: c["kind"] == "line"}
 
 
 def explored(storage, trials, submit=done):
-    first = [{"kind": "square", "x": 1.5}]
     with Search(storage, "s", SPACE, objectives=2) as search:
-        return list(search.explore(submit, trials, first=first, when=WHEN))
+        return list(search.explore(submit, trials, first=FIRST, when=WHEN))
 
 
 def test_explore_draws_what_there_is_and_finds_the_front(tmp_path):
@@ -122,23 +123,36 @@ def test_explore_draws_what_there_is_and_finds_the_front(tmp_path):
     assert len(later) > 15  # half by chance would be 30 x (.3 to .5)
 
 
-def test_explore_goes_on_where_it_was(tmp_path):
+@pytest.mark.parametrize("stop", [3, 7, 36])  # drawn by chance, and by estimators
+def test_explore_goes_on_where_it_was(stop, tmp_path):
     storage = f"sqlite:///{tmp_path / 'o.db'}"
-    calls = []
+    told = []
 
-    def stopping(parameters):
-        calls.append(parameters)
-        if len(calls) == 7:
-            raise KeyboardInterrupt
-        return done(parameters)
-
-    with pytest.raises(KeyboardInterrupt):
-        explored(storage, 12, stopping)
     with Search(storage, "s", SPACE, objectives=2) as search:
-        kept = search.finished
-    assert len(kept) == 6
-    after = explored(storage, 12)
-    assert [t.parameters for t in after[:6]] == [t.parameters for t in kept]
-    assert [t.stored for t in after] == [True] * 6 + [False] * 6
-    straight = explored(f"sqlite:///{tmp_path / 'p.db'}", 12)
+        found = search.explore(done, 40, first=FIRST, when=WHEN)
+        told += [next(found) for _ in range(stop)]
+        found.close()
+    after = explored(storage, 40)
+    assert [t.stored for t in after] == [True] * stop + [False] * (40 - stop)
+    straight = explored(f"sqlite:///{tmp_path / 'p.db'}", 40)
+    assert [t.parameters for t in after[:stop]] == [t.parameters for t in told]
     assert [t.parameters for t in after] == [t.parameters for t in straight]
+
+
+def test_explore_draws_alike_whichever_trial_ends_first(tmp_path):
+    """Every other trial is the slower one, or none is."""
+
+    def late(parameters, known):
+        future: Future = Future()
+        seen.append(len(known))
+        if len(seen) % 2:
+            answer = done(parameters, known).result()
+            Timer(0.02, future.set_result, [answer]).start()
+            return future
+        return done(parameters, known)
+
+    seen: list[int] = []
+    one = explored(f"sqlite:///{tmp_path / 'o.db'}", 40, late)
+    other = explored(f"sqlite:///{tmp_path / 'p.db'}", 40)
+    assert [t.parameters for t in one] == [t.parameters for t in other]
+    assert seen == [max(0, i + 1 - TOGETHER) for i in range(40)]

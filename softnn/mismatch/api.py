@@ -13,7 +13,7 @@ import numpy as np
 from softnn import readers
 from softnn.contracts import InputError, nearest
 from softnn.mismatch import diagnosis
-from softnn.mismatch.case import ABOUT, HISTORIES, Case, read_case
+from softnn.mismatch.case import ABOUT, HISTORIES, Case, check_sizes, read_case
 from softnn.mismatch.diagnosis import Diagnosis
 from softnn.model_file import Stored, read_model
 from softnn.plausible import check_plausible
@@ -57,6 +57,8 @@ def to_case(
 
 def plausible(case: Case, as_is: bool = False) -> Case:
     """The case with notes on what is odd in its recordings. Raises `InputError`."""
+    for recording in case.recordings:
+        check_sizes(recording, recording.name or None)  # before anything is noted
     if as_is:
         return case
     notes = [n for r in case.recordings for n in check_plausible(r)]

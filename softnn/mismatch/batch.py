@@ -10,6 +10,7 @@ import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from softnn.contracts import InputError
+from softnn.database import Lock
 from softnn.mismatch.api import inferred, load_model, to_case
 from softnn.mismatch.case import Case, check_model
 from softnn.models.units import BASES
@@ -160,6 +162,17 @@ def writable(folder: Path) -> None:
             f"cannot be written to ({error.strerror}); choose another --out",
             file=folder,
         ) from None
+
+
+@contextmanager
+def alone(out: Path) -> Iterator[None]:
+    """Only one process writes into `out`. Raises `InputError` for the second."""
+    writable(out)
+    lock = Lock(out / ".softnn.lock", f"a command with --out {out}")
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _safe(name: str) -> str:

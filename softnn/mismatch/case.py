@@ -132,7 +132,7 @@ def _about(path: Path) -> dict:
     return about
 
 
-def check_sizes(recording: Recording, file: Path | None = None) -> None:
+def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
     """Refuse what can only be a wrong unit, and what cannot be diagnosed at all."""
     strain = np.nanmax(np.abs(recording.strain))
     known = not recording.axes.component  # a component may be of any size

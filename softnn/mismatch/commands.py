@@ -7,12 +7,15 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from softnn.contracts import Chunk, InputError
 from softnn.json_file import plain, write
 from softnn.models.units import BASES
 from softnn.readers.arguments import add_options, options_of
+
+if TYPE_CHECKING:
+    from softnn.mismatch.batch import Job
 
 __all__ = ["add_demo", "add_diagnose", "add_simulate", "write"]
 
@@ -94,10 +97,7 @@ def add_demo(commands: Any) -> None:
 
 
 def diagnose(arguments: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
     from softnn.mismatch import batch
-    from softnn.report import write_index
 
     _whole("--jobs", arguments.jobs, 1)
     _whole("--seed", arguments.seed, 0)
@@ -112,6 +112,16 @@ def diagnose(arguments: argparse.Namespace) -> int:
         as_is=arguments.as_is,
         aloud=len(arguments.cases) == 1 and not arguments.json,
     )
+    with batch.alone(out):
+        return _run(arguments, out, jobs)
+
+
+def _run(arguments: argparse.Namespace, out: Path, jobs: list[Job]) -> int:
+    from tqdm import tqdm
+
+    from softnn.mismatch import batch
+    from softnn.report import write_index
+
     rows: list[dict[str, Any]] = [{} for _ in jobs]
     # Nothing but results where nobody looks on.
     bar = tqdm(total=len(jobs), unit="case", disable=len(jobs) < 2 or None)

@@ -14,30 +14,34 @@ from softnn.recording import Recording
 
 
 def smooth(
-    recording: Recording, portion: float = 0.1, order: int = 2, guard: float = 1.5
+    recording: Recording,
+    portion: float = 0.1,
+    order: int = 2,
+    guard: float = 1.5,
+    window_s: float = 1.0,
 ) -> Recording:
-    """Savitzky-Golay over the samples of one second, for noisy recordings (step 6).
+    """Savitzky-Golay over the samples of `window_s`, for noisy recordings (step 6).
 
     Noisy is a recording with `peak_to_peak` above zero in the first `portion` of its
-    samples, as the thesis has it; others stay. A second may be too long for a fast test
-    (0.25 of strain at 500 mm/min on 33 mm) and flatten the curve itself, so the window
+    samples, as the thesis has it; others stay. Its second may flatten the curve itself
+    of a fast test (0.25 of strain at 500 mm/min on 33 mm), so the window
     is halved until what it takes away is noise: nowhere more than `guard` times the
     noise of the recording, root mean square over a window. ``guard=inf`` leaves the
     thesis's rule alone. Nothing is done where no window holds the polynomial.
     """
     y = recording.stress_MPa
     level = peak_to_peak(y[: max(int(portion * len(y)), 3)])
-    second = _one_second(recording.time_s)
+    window = _samples_in(recording.time_s, window_s)
     found: dict[str, Any] = {
         "portion": portion,
         "order": order,
         "guard": guard,
         "peak_to_peak_MPa": level,
-        "one_second": second,
+        "samples_in_window": window,
         "noise_MPa": max(white_noise(y), quantum(y) / np.sqrt(12)),
     }
     allowed = guard * found["noise_MPa"]
-    window = min(second, len(y) - 1 + len(y) % 2) if level > 0 else 0
+    window = min(window, len(y) - 1 + len(y) % 2) if level > 0 else 0
     while window > order + 1:
         smoothed = savgol_filter(y, window, order)
         if _largest_rms(y - smoothed, max(window, 31)) <= allowed:
@@ -69,10 +73,10 @@ def peak_to_peak(values: Array) -> float:
     return float(np.abs(np.diff(known[turns])).mean())
 
 
-def _one_second(time_s: Array) -> int:
-    """Samples in one second, odd, counted by the median step."""
-    step = max(float(np.median(np.diff(time_s))), 1 / len(time_s))
-    count = round(1 / step)
+def _samples_in(time_s: Array, window_s: float) -> int:
+    """Samples in so many seconds, odd, counted by the median step."""
+    step = max(float(np.median(np.diff(time_s))), window_s / len(time_s))
+    count = round(window_s / step)
     return count - 1 + count % 2
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from softnn import prepare, virtual
 from softnn.contracts import InputError
 from softnn.materials import MATERIALS
+from softnn.plausible import check_plausible
 from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
 from softnn.study.settings import MOST_SAMPLES, Settings, one_of, slug
@@ -60,6 +62,9 @@ def prepared(settings: Settings) -> list[Data]:
         names = list(MATERIALS) if names == ["all"] else names
         return [_virtual(name, settings.seed, settings.samples) for name in names]
     recordings = load(settings.data)
+    for recording in recordings:
+        for note in check_plausible(recording, as_is=settings.as_is):
+            print(note, file=sys.stderr)
     source = Path(settings.data).name
     groups: dict[str, list[Recording]] = {}
     for recording in recordings:

@@ -1,44 +1,34 @@
-"""Does a run of a network study give the same figures again?
+"""The networks of one MLflow run, trained again: no study, part of `softnn rerun`.
 
-The networks of one MLflow run are trained again from what the run says of itself: its
-settings, its parameters, and recordings of the same hash. `softnn rerun` calls it.
+What is trained is what the run says of itself: its settings, its parameters, and
+recordings of the same hash.
 """
 
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from softnn.contracts import InputError
 from softnn.neural import Settings as Training
-from softnn.study.common import Parser, guarded, markdown, percent
+from softnn.study.common import guarded, markdown, percent
 from softnn.study.material_data import prepared
-from softnn.study.settings import RUNS, Settings
+from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
 from softnn.tracking import read_run
 
 SAME = 1e-6  # relative: rounding of other processors, amplified by training
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """The command; returns the exit code: 0 same, 1 other figures, 2 not possible."""
-    made = Parser(prog="softnn rerun", description=__doc__, allow_abbrev=False)
-    made.add_argument("run_id", metavar="RUN_ID", help="of one trial, as MLflow has it")
-    made.add_argument(
-        "--tracking",
-        default=f"sqlite:///{RUNS}/mlflow.db",
-        help=f"MLflow (sqlite:///{RUNS}/mlflow.db)",
-    )
-    arguments = made.parse_args(argv)
+def command(run_id: str, tracking: str) -> int:
+    """`softnn rerun`; the exit code: 0 the same, 1 other figures, 2 not possible."""
     same = True
 
     def work() -> None:
         nonlocal same
-        kept, again, said = rerun(arguments.run_id, arguments.tracking)
+        kept, again, said = rerun(run_id, tracking)
         same = bool(np.allclose(kept, again, rtol=SAME, atol=0))
         rows = [
             [name, percent(a, 6), percent(b, 6)]
@@ -76,7 +66,3 @@ def rerun(run_id: str, tracking: str) -> tuple[list[float], list[float], list[st
     split = trainer.chosen(parameters)["split"]
     found = trainer.judge_parts(parameters, {split: slice(0, len(kept))})[split]
     return kept, found["nrmse"], found["folds"]
-
-
-if __name__ == "__main__":
-    sys.exit(main())

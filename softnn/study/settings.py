@@ -39,6 +39,7 @@ class Settings:
     fraction: float = 1.0  # of the samples, drawn at random
     samples: int | None = None  # a recording, at most; None: as described in `prepared`
     lag_s: float | None = None  # of past inputs; None: one sample, as published
+    as_is: bool = False  # take implausible numbers as they stand
 
     def __post_init__(self) -> None:
         one_of("inputs", self.inputs, ARCHITECTURES)
@@ -110,6 +111,7 @@ def study_parser(
         metavar="SECONDS",
         help="of past inputs (one sample, as published)",
     )
+    add("--as-is", action="store_true", help="take implausible numbers as they stand")
     add("--folds", type=int, default=defaults.folds, help="of a random split")
     add("--fraction", type=float, default=defaults.fraction, help="of the samples")
     add(

@@ -160,7 +160,7 @@ class Sweep:
 
     def explore(
         self,
-        submit: Callable[[dict[str, Any]], Future[Result]],
+        submit: Callable[[dict[str, Any], Sequence[Finished]], Future[Result]],
         trials: int,
         *,
         first: Sequence[Mapping[str, Value]] = (),

@@ -11,6 +11,7 @@ import numpy as np
 
 from softnn.materials import MATERIALS, table
 from softnn.search import Finished
+from softnn.study.baselines import WAYS
 from softnn.study.common import COLOURS, FAINT, new_figure, percent
 from softnn.study.material_data import Data
 from softnn.study.settings import Settings
@@ -37,8 +38,6 @@ HEADER = ("judged on", "model", "NRMSE", "R2", "size")
 WIDE = 15  # folds as far apart as this (ratio) are drawn on a log scale
 OVER_RATES = "mean over rates"
 CHOSEN, FEW = "network", "network, fewest needed"
-WAYS = {"as_in_thesis": "", "joint": ", fitted jointly"}
-
 
 Judged = Mapping[str, Mapping[str, Finished | str]]
 """Network by name -> split -> its trial, or why the data cannot be split so."""
@@ -65,14 +64,13 @@ def comparison(
                 rows.append(_row(OVER_RATES, name, mean, None, size))
     for model, fit in _fits(baselines).items():
         error, size = fit["generalisation_error"], f"{fit['segments']} segments"
-        rows.append(_row(OVER_RATES, model, error, None, size))
+        name = f"{model}, {WAYS['as_in_thesis']}"
+        rows.append(_row(OVER_RATES, name, error, None, size))
         for split, of in fit["like_for_like"].items():
             for way, name in WAYS.items():
                 if "nrmse" in of[way]:
-                    found = of[way]
-                    rows.append(
-                        _row(WHAT[split], model + name, found["nrmse"], found["r2"])
-                    )
+                    error, r2 = of[way]["nrmse"], of[way]["r2"]
+                    rows.append(_row(WHAT[split], f"{model}, {name}", error, r2))
     if data.is_virtual:
         rows += published(data.material)
     order = [*WHAT.values(), OVER_RATES]

@@ -1,0 +1,208 @@
+"""Which network to take for which use, material by material: a page.
+
+`python -m studies.architectures_page` writes docs/architectures.md, its figures and the
+table in README.md from the files architectures-*.json in studies/results alone; real
+recordings come first.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softnn.study.common import RESULTS, RUNS, guarded, markdown, parser, percent
+from studies.architectures_report import USES, paired
+
+ROOT = Path(__file__).resolve().parents[1]
+MARK = "<!-- made by python -m studies.architectures_page -->"
+MADE = (
+    "Made by `python -m studies.architectures_page` from `studies/results`; no number "
+    "here is typed. Errors are NRMSE, +- one standard error over folds. A network that "
+    "was chosen is judged again: random folds and starting weights are drawn anew, the "
+    "rates or recordings held out are those it was chosen by, so that error is a "
+    "little flattered. Piecewise-linear models (PL) and boosted trees are fitted, and "
+    "chosen, on the training recordings of each fold alone."
+)
+INTRO = """Which network to take: two answers a material, for samples of recordings one
+has and for what was never seen, each beside the best that is no network.
+[The page](docs/architectures.md) has the rest."""
+COMMAND = "python -m studies.architectures --material all"
+
+Result = Mapping[str, Any]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.architectures_page`; returns the exit code."""
+    p = parser("architectures_page", __doc__)
+    p.add_argument("--results", type=Path, default=RESULTS, help="where the JSON lies")
+    p.add_argument("--out", type=Path, help="folder of README.md and docs (this one)")
+    a = p.parse_args(argv)
+    folder = a.out or (RUNS / "smoke" if a.smoke else ROOT)
+    return guarded(lambda: print(f"written to {make(a.results, folder)}"))
+
+
+def make(results: Path, folder: Path) -> Path:
+    """Write the page, its figures and README's table; the path of the page."""
+    files = result_files(results)
+    docs = folder / "docs"
+    (docs / "figures").mkdir(parents=True, exist_ok=True)
+    parts = ["# Which network for which use", MADE]
+    parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
+    for file, found in files.items():
+        parts += [f"## {title_of(found)}", run_of(found)]
+        picture = file.with_suffix(".png")
+        if picture.exists():
+            shutil.copyfile(picture, docs / "figures" / picture.name)
+            parts.append(f"![both errors of every trial](figures/{picture.name})")
+        for one in found["materials"]:
+            parts += [f"### {one['label']}", one["sentence"] + worse(one), table(one)]
+        parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
+    page = docs / "architectures.md"
+    page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    readme = folder / "README.md"
+    if readme.exists() and files:
+        text, made = readme.read_text(encoding="utf-8"), summary(files.values())
+        readme.write_text(with_table(text, f"{INTRO}\n\n{made}"), encoding="utf-8")
+    return page
+
+
+def result_files(results: Path) -> dict[Path, Result]:
+    """Results of real recordings, then of virtual specimens, each by name."""
+    found = {}
+    for file in sorted(results.glob("architectures*.json")):
+        found[file] = json.loads(file.read_text(encoding="utf-8"))
+    return dict(sorted(found.items(), key=lambda f: (is_virtual(f[1]), f[0])))
+
+
+def is_virtual(found: Result) -> bool:
+    return bool(found["settings"]["data"] == "virtual")
+
+
+def title_of(found: Result) -> str:
+    given = found["settings"]
+    if is_virtual(found):
+        return "Virtual specimens of the materials of the thesis"
+    return f"Real recordings: {given['data']}"
+
+
+def run_of(found: Result) -> str:
+    """How it was run, in a sentence."""
+    rows = []
+    for one in found["materials"]:
+        stopped = one["headline"]["trials_stopped"]
+        rows.append(f"{one['material']} {len(one['trials'])} ({stopped} stopped early)")
+    seconds = found["headline"]["study_s"]
+    took = "" if seconds is None else f" In all {seconds:.0f} s."
+    given = found["settings"]
+    return (
+        f"Trials: {', '.join(rows)}; {given['folds']} random folds, at most "
+        f"{given['samples']} samples a recording; {found['machine']}, {found['made']}."
+        + took
+    )
+
+
+def summary(found: Iterable[Result]) -> str:
+    """A row a material: what to take for which use, and the best that is no network."""
+    rows = []
+    for file in found:
+        for one in file["materials"]:
+            row = [one["material"], "virtual" if is_virtual(file) else "real"]
+            for use in USES:
+                chosen = one["choices"][use]
+                row.append(chosen["words"])
+                row.append(pm(folds_of(chosen["anew"], use)))
+                row.append(rival_cell(one, use))
+            rows.append(row)
+    header = ["material", "recordings"]
+    header += ["for recordings one has", "NRMSE", "best other"]
+    header += ["for what was never seen", "NRMSE", "best other"]
+    return markdown(header, rows)
+
+
+def folds_of(row: Result, use: str) -> np.ndarray:
+    """NRMSE by fold of a row of the result file."""
+    kept = row[f"folds_{use}"]
+    return np.array(list(kept.values()) if isinstance(kept, Mapping) else kept)
+
+
+def rival_of(one: Result, use: str, start: str = "") -> Result | None:
+    """The baseline of least error whose name begins so, if any could be fitted."""
+    able = [
+        b
+        for b in one["baselines"]
+        if b["model"].startswith(start) and not isinstance(b[use], str)
+    ]
+    return min(able, key=lambda b: float(np.mean(b[use])), default=None)
+
+
+def rival_cell(one: Result, use: str) -> str | None:
+    rival = rival_of(one, use)
+    if rival is None:
+        return None
+    return f"{rival['model']} {percent(float(np.mean(rival[use])), 1)}"
+
+
+def worse(one: Result) -> str:
+    """That a piecewise model does better on what was never seen, where it does."""
+    rival = rival_of(one, "unseen", "PL")
+    if rival is None:
+        return ""
+    mine = folds_of(one["choices"]["unseen"]["anew"], "unseen")
+    gap, within = paired(mine, np.array(rival["unseen"]))
+    if gap <= within:
+        return ""
+    return (
+        f" **{rival['model']} foretells what was never seen better than any network "
+        f"tried**, by {percent(gap, 1)}: take it there."
+    )
+
+
+def pm(errors: np.ndarray) -> str:
+    """Mean and its standard error, in per cent.
+
+    >>> pm(np.array([0.1, 0.3]))
+    '20.0 +- 10.0 %'
+    """
+    spread = errors.std(ddof=1) / np.sqrt(len(errors)) if len(errors) > 1 else 0.0
+    return f"{100 * errors.mean():.1f} +- {100 * spread:.1f} %"
+
+
+def table(one: Result) -> str:
+    """The front and what stands beside it."""
+    rows = [
+        [name_of(t), percent(t["random"]), percent(t["unseen"])] for t in one["front"]
+    ]
+    for model in one["baselines"]:
+        cells = [
+            None if isinstance(model[use], str) else percent(float(np.mean(model[use])))
+            for use in USES
+        ]
+        rows.append([model["model"], *cells])
+    return markdown(["model", "random folds", f"unseen {one['unseen']}"], rows)
+
+
+def name_of(row: Result) -> str:
+    lag = "" if row["lag_s"] is None else f", lag {row['lag_s']:.2g} s"
+    return f"{row['inputs']}, {row['neurons']} neurons, {row['regularisation']}{lag}"
+
+
+def with_table(text: str, made: str) -> str:
+    """README's text with the table between its marks; the same where it has none.
+
+    >>> with_table(f"a\\n{MARK}\\nold\\n{MARK}\\nb", "new").split(MARK)
+    ['a\\n', '\\n\\nnew\\n\\n', '\\nb']
+    """
+    parts = text.split(MARK)
+    if len(parts) != 3:
+        return text
+    return MARK.join([parts[0], f"\n\n{made}\n\n", parts[2]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+"""The page of architectures says what the result files say, and nothing else."""
+
+import json
+import re
+
+import pytest
+
+from studies.architectures_page import MARK, ROOT, make, result_files, summary
+
+
+def row(inputs, neurons, random, unseen):
+    return {
+        "inputs": inputs,
+        "neurons": neurons,
+        "regularisation": "bayesian",
+        "lag_s": None,
+        "random": sum(random) / len(random),
+        "unseen": sum(unseen) / len(unseen),
+        "folds_random": random,
+        "folds_unseen": {str(i): v for i, v in enumerate(unseen)},
+    }
+
+
+def result(data, material, unseen):
+    """A network of these errors at unseen rates; PL-SLS has 0.2 and 0.3 there."""
+    best = row("FFRI1", 3, [0.05, 0.07], unseen)
+    chosen = {"words": "FFRI1, 3 neurons, bayesian", "anew": best}
+    return {
+        "settings": {"data": data, "folds": 2, "samples": 200},
+        "machine": "m, 2 cores",
+        "made": "2026-01-01",
+        "headline": {"study_s": 12.0},
+        "left_out": {"putty": "one recording only"},
+        "materials": [
+            {
+                "material": material,
+                "label": f"{material}, {data}",
+                "sentence": f"{material}: take this.",
+                "unseen": "rate",
+                "headline": {"trials_stopped": 1},
+                "trials": [best, best],
+                "choices": {"random": chosen, "unseen": chosen},
+                "front": [best],
+                "baselines": [
+                    {"model": "PL-SLS", "random": [0.2, 0.3], "unseen": [0.2, 0.3]},
+                    {"model": "gradient-boosted trees", "random": [0.1, 0.1],
+                     "unseen": [0.9, 0.9]},
+                    {"model": "PL-Wiechert", "random": "no hold", "unseen": "no hold"},
+                ],
+            }
+        ],
+    }  # fmt: skip
+
+
+@pytest.fixture
+def written(tmp_path):
+    results, home = tmp_path / "results", tmp_path / "home"
+    for folder in (results, home):
+        folder.mkdir()
+    for name, found in {
+        "architectures-all": result("virtual", "NR", [0.1, 0.12]),
+        "architectures-tape": result("tape", "VHB", [0.5, 0.7]),
+    }.items():
+        (results / f"{name}.json").write_text(json.dumps(found))
+    (home / "README.md").write_text(f"before\n\n{MARK}\nold\n{MARK}\n\nafter\n")
+    return results, home, make(results, home).read_text()
+
+
+def test_real_recordings_come_first_and_figures_are_those_of_the_files(written):
+    _, _, text = written
+    assert text.index("### VHB, tape") < text.index("### NR, virtual")
+    cells = [re.sub(r" +", " ", line) for line in text.splitlines()]
+    assert [c for c in cells if c.startswith(("| VHB", "| NR"))] == [
+        "| VHB | real | FFRI1, 3 neurons, bayesian | 6.0 +- 1.0 % | gradient-boosted "
+        "trees 10.0 % | FFRI1, 3 neurons, bayesian | 60.0 +- 10.0 % | PL-SLS 25.0 % |",
+        "| NR | virtual | FFRI1, 3 neurons, bayesian | 6.0 +- 1.0 % | gradient-boosted "
+        "trees 10.0 % | FFRI1, 3 neurons, bayesian | 11.0 +- 1.0 % | PL-SLS 25.0 % |",
+    ]
+    assert "| PL-Wiechert | - | - |" in cells
+    assert "Left out: putty: one recording only" in cells
+    # Where PL is better it is said: 0.3 and 0.4 more than it.
+    assert "VHB: take this. **PL-SLS foretells" in text
+    assert "by 35.0 %: take it there" in text
+    assert "NR: take this.\n" in text
+
+
+def test_readme_has_the_table_between_its_marks(written):
+    results, home, _ = written
+    readme = (home / "README.md").read_text()
+    made = summary(result_files(results).values())
+    assert readme.split(MARK)[1].strip().endswith(f"\n\n{made}")
+    assert "old" not in readme
+    assert readme.startswith("before\n")
+    assert readme.endswith("\n\nafter\n")
+    make(results, home)
+    assert (home / "README.md").read_text() == readme
+
+
+def test_without_results_the_page_names_the_command(tmp_path):
+    text = make(tmp_path, tmp_path).read_text()
+    assert "Not run: `python -m studies.architectures --material all`" in text
+
+
+def test_the_page_of_the_project_is_that_of_its_results(tmp_path):
+    kept = ROOT / "docs" / "architectures.md"
+    assert make(ROOT / "studies" / "results", tmp_path).read_text() == kept.read_text()

@@ -1,0 +1,225 @@
+"""Wrong inputs: each met with one line and exit code 2, or a note for the report."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from softnn.cli import main
+from softnn.mismatch.api import to_case
+
+TIME = np.linspace(0, 30, 240)
+STRAIN = 0.5 * (1 - np.abs(TIME / 15 - 1))
+
+
+def rubber(time=TIME, strain=STRAIN):
+    """A neo-Hookean rubber of 1 MPa with a branch of 5 s: s = G (l - l^-2), delayed."""
+    stress = (1 + strain - (1 + strain) ** -2) / 3
+    branch = np.zeros_like(stress)
+    for i in range(1, len(time)):
+        keep = np.exp(-(time[i] - time[i - 1]) / 5)
+        branch[i] = keep * branch[i - 1] + 0.3 * (strain[i] - strain[i - 1])
+    return stress + branch + 1e-4 * np.random.default_rng(0).standard_normal(len(time))
+
+
+STRESS = rubber()
+HEADER = "time_s,strain,stress_MPa"
+
+
+def text(time=TIME, strain=STRAIN, stress=STRESS, header=HEADER):
+    rows = np.column_stack([time, strain, stress])
+    return "\n".join([header, *(",".join(f"{v:.7g}" for v in r) for r in rows), ""])
+
+
+def rows(change):
+    """The recording with its lines changed."""
+    return "\n".join(change(text().splitlines())) + "\n"
+
+
+def wide(factor):
+    """A pull to a strain of `factor`, of a rubber."""
+    return factor * STRAIN / STRAIN.max()
+
+
+REFUSED = {
+    "strain reversed": (text(strain=-STRAIN), "sign reversed"),
+    "stress reversed": (text(stress=-STRESS), "sign reversed"),
+    "columns swapped": (text(strain=STRESS, stress=STRAIN), "swapped"),
+    "stress in kPa": (text(stress=1e3 * STRESS), "kPa"),
+    "stress in Pa": (text(stress=1e6 * STRESS), "Pa"),
+    "stress in GPa": (text(stress=1e-4 * STRESS), "GPa"),
+    "strain of 50 per cent": (text(strain=100 * STRAIN), "per cent"),
+    "a dead channel": (text(stress=0 * STRESS + 0.2), "channel connected"),
+    "zero stress": (text(stress=0 * STRESS), "channel connected"),
+    "a clock that stands": (text(time=0 * TIME), "clock"),
+    "time backwards": (text(time=TIME[::-1]), "goes backwards"),
+    "text in a number": (rows(lambda r: [*r[:9], "1,x,2", *r[9:]]), "not a number"),
+    "a decimal comma": (rows(lambda r: [r[0], *(x.replace(".", ",") for x in r[1:])]),
+                        ""),
+    "a missing column": (text(header="time_s,strain,stress"), "stress"),
+    "no rows": (HEADER + "\n", "no rows"),
+    "an empty file": ("", "empty"),
+    "too many cells": (rows(lambda r: [*r[:9], "1,2,3,4", *r[9:]]), "4 values"),
+    "infinite stress": (rows(lambda r: [*r[:9], "0.6,0.1,inf", *r[10:]]), "inf"),
+    "not text": (b"\x80\x04\x95pickle\x00\xff", ""),
+}  # fmt: skip
+
+NOTED = {
+    "strain of 5 per cent": (text(strain=10 * STRAIN, stress=0.1 * STRAIN),
+                             "per cent"),
+    "strain of 9 per cent": (text(strain=wide(9.0)), "per cent"),
+    "kPa of a gel": (text(stress=15 * STRESS), "kPa"),
+    "milliseconds": (text(time=1e4 * TIME), "ms"),
+    "hours": (text(time=TIME / 3600), "3600"),
+    "an offset": (text(stress=STRESS + 7), "offset"),
+    "a component wired the other way": (
+        text(stress=-30 * STRESS, strain=30 * STRAIN,
+             header="time_s,elongation_mm,force_N"), "sign reversed"),
+}  # fmt: skip
+
+
+def refused(words, capsys):
+    assert main([str(w) for w in words]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1, told
+    return told
+
+
+@pytest.mark.parametrize(("content", "said"), REFUSED.values(), ids=REFUSED)
+def test_refused_in_one_line_with_the_file(content, said, tmp_path, capsys):
+    file = tmp_path / "case" / "mine.csv"
+    file.parent.mkdir()
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    told = refused(["diagnose", file.parent, "--out", tmp_path / "out"], capsys)
+    assert said in told
+    assert "mine" in told
+    assert not list((tmp_path / "out").rglob("*.json"))
+
+
+@pytest.mark.parametrize(("content", "said"), NOTED.values(), ids=NOTED)
+def test_noted_for_the_report(content, said, tmp_path):
+    file = tmp_path / "mine.csv"
+    file.write_text(content)
+    assert any(said in note for note in to_case([file]).notes)
+    assert to_case([file], as_is=True).notes == ()
+
+
+def test_the_recording_itself_is_neither(tmp_path):
+    for strain in (STRAIN, wide(1.5), wide(5.0), -0.5 * STRAIN):
+        stress = rubber(strain=strain)
+        file = tmp_path / "mine.csv"
+        file.write_text(text(strain=strain, stress=stress))
+        assert to_case([file]).notes == ()
+
+
+def test_studies_have_the_same_gate(tmp_path, capsys):
+    from softnn.contracts import InputError
+    from softnn.study.material_data import prepared
+    from softnn.study.settings import Settings
+
+    file = tmp_path / "mine.csv"
+    file.write_text(text(strain=100 * STRAIN, stress=0.03 * STRESS))
+    with pytest.raises(InputError, match=r"per cent.*--as-is"):
+        prepared(Settings(data=str(file)))
+    assert prepared(Settings(data=str(file), as_is=True, samples=30))
+    file.write_text(text(stress=15 * STRESS))
+    prepared(Settings(data=str(file), samples=30))
+    assert "kPa" in capsys.readouterr().err
+
+
+# -- exports of machines, corrupted in memory ------------------------------------------
+
+
+def at(row, change):
+    """The line that begins with `row`, changed."""
+
+    def corrupt(raw: bytes) -> bytes:
+        lines = raw.split(b"\n")
+        i = next(i for i, line in enumerate(lines) if row in line)
+        lines[i] = change(lines[i])
+        return b"\n".join(lines)
+
+    return corrupt
+
+
+def twice(raw: bytes) -> bytes:
+    """The second half of the rows pasted once more."""
+    lines = raw.rstrip(b"\n").split(b"\n")
+    return b"\n".join([*lines, *lines[len(lines) // 2 :]]) + b"\n"
+
+
+LEAP = "instron_bluehill/leap-tension-1_1.csv"
+TENDON = "instron_bluehill/tendon_fresh_relax_1.csv"
+XLS = "ta_trios/double-compression-slowest-inplane-1.xls"
+SIZES = ["--length", "16.52", "--area", "61.2"]
+MACHINES = {
+    "N that are kN": (LEAP, at(b"(N)", lambda x: x.replace(b"(N)", b"(kN)")), SIZES),
+    "a unit nobody has": (LEAP, at(b"(N)", lambda x: x.replace(b"(N)", b"(furlong)")),
+                          SIZES),
+    "no sizes": (LEAP, lambda raw: raw, []),
+    "rows pasted twice": (LEAP, twice, SIZES),
+    "names of force and travel swapped": (
+        LEAP, at(b"Force", lambda x: x.replace(b"Force", b"#").replace(
+            b"Displacement", b"Force").replace(b"#", b"Displacement")), SIZES),
+    "a diameter a hundred times as large": (
+        TENDON, at(b"Diameter", lambda x: x.replace(b"0.39900", b"39.900")), []),
+    "cut within a workbook": (XLS, lambda raw: raw[: len(raw) // 2],
+                              ["--area", "50.3"]),
+    "a web page called .xls": (XLS, lambda _: b"<html><body>Sign in</body></html>", []),
+    "only the head": (LEAP, lambda raw: b"\n".join(raw.split(b"\n")[:6]), SIZES),
+    "zero bytes in the middle": (
+        LEAP, lambda raw: raw[:9000] + b"\x00" * 500 + raw[9500:], SIZES),
+    "an area in m2": (
+        LEAP, lambda raw: raw, ["--length", "16.52", "--area", "61.2e-6"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "corrupt", "options"), MACHINES.values(), ids=MACHINES
+)
+def test_a_corrupted_export_is_refused(
+    name, corrupt, options, data_folder, tmp_path, capsys
+):
+    original = data_folder / "machine-formats" / name
+    if not original.is_file():
+        pytest.skip("SOFTNN_DATA has no machine-formats")
+    file = tmp_path / Path(name).name
+    file.write_bytes(corrupt(original.read_bytes()))
+    told = refused(["diagnose", file, "--out", tmp_path / "out", *options], capsys)
+    assert file.stem in told
+
+
+# -- the folder to write into ----------------------------------------------------------
+
+
+def test_two_commands_on_one_out_are_told_apart(tmp_path, capsys):
+    from softnn.mismatch import batch
+
+    file = tmp_path / "mine.csv"
+    file.write_text(text())
+    with batch.alone(tmp_path / "out"):
+        told = refused(
+            ["diagnose", file, "--model", "hooke", "--out", tmp_path / "out"], capsys
+        )
+    assert "another process" in told
+    assert "--out" in told
+
+
+def test_a_shell_is_told_the_commands_and_the_options(tmp_path):
+    """As bash asks, by the protocol of argcomplete."""
+    import os
+    import subprocess
+
+    answers = tmp_path / "answers"
+    for line, meant in (("softnn di", "diagnose"),
+                        ("softnn diagnose --res", "--resume"),
+                        ("softnn data show vhb4910-", "vhb4910-figures")):  # fmt: skip
+        asked = {
+            "_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)),
+            "_ARGCOMPLETE_STDOUT_FILENAME": str(answers), "_ARGCOMPLETE_IFS": "\n",
+        }  # fmt: skip
+        subprocess.run(
+            [sys.executable, "-m", "softnn.cli"], env=os.environ | asked, timeout=120
+        )
+        assert meant in answers.read_text()
