@@ -29,11 +29,12 @@ from softnn.neural.radial import train_radial
 from softnn.neural.recurrent import train_recurrent
 from softnn.neural.training import BAYESIAN
 from softnn.recording import Recording, data_hash
-from studies import actuator, common
-from studies.material_data import prepared
+from softnn.study import common
+from softnn.study.material_data import prepared
+from softnn.study.realtime_inputs import SCENARIOS, STEP_S, law, offsets, sine
+from softnn.study.settings import Settings
+from studies import actuator
 from studies.realtime import counted, networks
-from studies.realtime_inputs import SCENARIOS, STEP_S, law, offsets, sine
-from studies.settings import Settings
 from studies.survivor_data import (
     VIRTUAL,
     Problem,
@@ -264,7 +265,7 @@ def sines(models: Mapping[str, StoredNetwork]) -> list[Row]:
     for scenario, speed in SCENARIOS.items():
         for where, offset in offsets(scenario, speed, LENGTH_mm).items():
             strain, _ = sine(speed, LENGTH_mm, offset)
-            time_s, true = STEP_S * np.arange(len(strain)), law(strain)
+            time_s, true = STEP_S * np.arange(len(strain), dtype=float), law(strain)
             chunk = Chunk(time_s, strain)
             row: Row = {"scenario": scenario, "place": where, "mm_per_min": speed}
             row |= {"time_s": time_s[::20], "law_MPa": true[::20], "models": {}}
@@ -280,7 +281,7 @@ def real_time(stored: StoredNetwork, problem: Problem, size: Size) -> Row:
     """The network as C: agreement, time of a step, and the loop of an actuator."""
     compiled = Compiled(stored)
     n = min(10**5, size.steps)
-    at = np.arange(n) * 1e-3
+    at = 1e-3 * np.arange(n, dtype=float)
     strain = 0.22 + 0.22 * np.sin(5 * at) * np.cos(0.13 * at)
     got = compiled.run(at, strain)
     (want,) = stored.stress([""], [Chunk(at, strain)], [None])

@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from bench.recordings.groups import discover
+from bench.recordings.predict import usable
 from softnn import virtual
 from softnn.contracts import Array, Chunk
 from softnn.materials import material
 from softnn.mismatch import Case, diagnose
 from softnn.mismatch.case import to_data
-from softnn.mismatch.model_file import Stored, from_dict
+from softnn.model_file import Stored, from_dict
 from softnn.readers.tidy import data_folder
 from softnn.recording import Geometry, Recording
-from studies import common
-from studies.recordings.groups import discover
-from studies.recordings.predict import usable
+from softnn.study import common
 
 VIRTUAL = "NatPolR"  # the material of Figs 7.2 and 7.3
 LARGEST = 0.5  # strain of the virtual recordings: the working range of Table 7.3

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from softnn.contracts import InputError
-from studies import common
+from softnn.study import common
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -175,7 +175,7 @@ def draw(body: Result) -> Figure:
         axes.axhline(0, color=common.FAINT, linewidth=0.6)
         axes.set(title=f"({name}) {row['mm_per_min']:g} mm/min", xlabel="time [s]")
         axes.set_ylabel("stress [MPa]")
-    panels["b"].legend(fontsize=7)
+    panels["b"].legend(fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5))
     axes = panels["errors"]
     shown = ["corrected model", "FFH7", "recurrent", "Gaussian units", "FFRD4", "FFRI1"]
     marks = "sov^Dx"

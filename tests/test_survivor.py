@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softnn.contracts import InputError
-from studies.common import RESULTS
+from softnn.study.common import RESULTS
 from studies.survivor_data import LARGEST, cyclic, turns, virtual
 from studies.survivor_report import bars, write_page
 
