@@ -66,12 +66,7 @@ def _add_rerun(commands: argparse._SubParsersAction) -> None:
         description="Train the networks of one MLflow run again; compare the figures.",
     )
     parser.add_argument("run_id", metavar="RUN_ID", help="of one trial")
-    parser.add_argument(
-        "--tracking",
-        metavar="ADDRESS",
-        default="sqlite:///mlruns/mlflow.db",
-        help="MLflow's (sqlite:///mlruns/mlflow.db)",
-    )
+    parser.add_argument("--tracking", metavar="ADDRESS", help="MLflow's address")
     parser.set_defaults(run=_run_rerun)
 
 

@@ -23,7 +23,16 @@ from softnn.actuator import walk
 from softnn.contracts import Array, Chunk, InputError
 from softnn.export.compiled import Compiled
 from softnn.metrics import nrmse
-from softnn.neural import PUBLISHED, Seen, StoredNetwork, fit_samples, run, samples
+from softnn.neural import (
+    PUBLISHED,
+    Samples,
+    Seen,
+    StoredNetwork,
+    Trained,
+    fit_samples,
+    run,
+    samples,
+)
 from softnn.neural.inputs import columns
 from softnn.neural.radial import train_radial
 from softnn.neural.recurrent import train_recurrent
@@ -157,18 +166,26 @@ def survivor(
     """The network on recordings and simulated histories, and how its training went."""
     every = [*problem.known, *made]
     known = samples(every, INPUTS, problem.lag_s)
-    (one,) = fit_samples(
-        known,
-        INPUTS,
-        neurons=[size.neurons],
-        train_mask=np.ones((1, len(known.target)), bool),
-        seeds=[seed],
-        starts=size.starts,
-        threads=1,
-    )
+    one = trained(known, INPUTS, size, seed, starts=size.starts)
     about = {k: getattr(one, k) for k in ("parameters", "gamma", "iterations")}
     seen = Seen.of(every, problem.lag_s)
     return StoredNetwork(one.network, INPUTS, problem.lag_s, seen), about
+
+
+def trained(
+    known: Samples, inputs: str, size: Size, seed: int, **given: Any
+) -> Trained:
+    """A network on all of these samples."""
+    (one,) = fit_samples(
+        known,
+        inputs,
+        neurons=[size.neurons],
+        train_mask=np.ones((1, len(known.target)), bool),
+        seeds=[seed],
+        threads=1,
+        **given,
+    )
+    return one
 
 
 def others(
@@ -205,15 +222,7 @@ def others(
     }
     for name in PUBLISHED:
         rows = samples(problem.known, name)
-        (one,) = fit_samples(
-            rows,
-            name,
-            neurons=[size.neurons],
-            train_mask=np.ones((1, len(rows.target)), bool),
-            seeds=[seed],
-            threads=1,
-        )
-        out[name] = partial(run, one.network, name)
+        out[name] = partial(run, trained(rows, name, size, seed).network, name)
     return out
 
 

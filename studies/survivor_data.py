@@ -36,7 +36,6 @@ SETS = (
 )
 WIDER = 3.0  # times faster, and slower, than recorded: histories that are simulated
 RAMPS, RAMP = 12, 8  # of a simulated history, and samples of a ramp
-PHYSICS = {"mismatch", "effects", "models", "fit.py", "simulate.py", "noise.py"}
 SHARE = 0.6  # of the specimens are learned from
 
 
@@ -213,8 +212,7 @@ def physics(problem: Problem, place: Path, base: str | None = None) -> dict[str,
         base,
         [[r.time_s, r.strain, r.stress_MPa] for r in problem.known],
     ]
-    files = [f for f in common.package_files() if set(f.parts) & PHYSICS]
-    key = common.fingerprint(content, files=files)
+    key = common.fingerprint(content, files=common.package_files())
     file = place / f"{key}.json"
     if file.exists():
         return dict(json.loads(file.read_text(encoding="utf-8")))

@@ -15,20 +15,20 @@ from softnn.contracts import InputError
 from softnn.neural import Settings as Training
 from softnn.study.common import guarded, markdown, percent
 from softnn.study.material_data import prepared
-from softnn.study.settings import Settings
+from softnn.study.settings import RUNS, Settings
 from softnn.study.trainer import Trainer
 from softnn.tracking import read_run
 
 SAME = 1e-6  # relative: rounding of other processors, amplified by training
 
 
-def command(run_id: str, tracking: str) -> int:
-    """`softnn rerun`; the exit code: 0 the same, 1 other figures, 2 not possible."""
+def command(run_id: str, tracking: str | None = None) -> int:
+    """`softnn rerun`, by default of `RUNS`; exit: 0 same, 1 other, 2 impossible."""
     same = True
 
     def work() -> None:
         nonlocal same
-        kept, again, said = rerun(run_id, tracking)
+        kept, again, said = rerun(run_id, tracking or f"sqlite:///{RUNS}/mlflow.db")
         same = bool(np.allclose(kept, again, rtol=SAME, atol=0))
         rows = [
             [name, percent(a, 6), percent(b, 6)]
