@@ -20,6 +20,7 @@ import pytest
 from softnn import readers
 from softnn.cli import main
 from softnn.contracts import InputError
+from softnn.mismatch.api import to_case
 from softnn.readers import READERS, ReadOptions, read
 from softnn.readers.source import Sheet, Source
 from softnn.readers.tidy import read_tidy
@@ -560,7 +561,7 @@ def test_command_writes_what_it_read(
     shown = capsys.readouterr().out
     for word in ("Instron Bluehill", "Force [kN]", "0 to 0.11", "0 to 4.125 MPa"):
         assert word in shown
-    written = sorted(p.name for p in out.glob("*.csv"))
+    written = sorted(p.name for p in out.glob("*.csv") if p.name != "index.csv")
     assert written == [
         "bluehill_two_specimens-1.csv",
         "bluehill_two_specimens-2.csv",
@@ -570,6 +571,14 @@ def test_command_writes_what_it_read(
         assert_same(read_tidy(out / name))
         assert_same(read(out / name)[0])
         assert (out / name).with_suffix(".png").stat().st_size > 1000
+    # Specimens of one file are specimens still, also when more is read into the folder.
+    assert main(["read", files[1], "--area", "10", "--length", "20", "--specimen", "S9",
+                 "--out", str(out)]) == 0  # fmt: skip
+    case = to_case(out)
+    assert case.specimen == {
+        "bluehill_two_specimens-1": "1", "bluehill_two_specimens-2": "2",
+        "generic_psi": "S9"}  # fmt: skip
+    assert case.groups() == [(0,), (1,), (2,)]
 
 
 def test_command_refuses_in_one_line_and_reads_the_rest(

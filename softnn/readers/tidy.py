@@ -14,6 +14,7 @@ import io
 import math
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ def read_folder(
     folder = Path(folder)
     index = folder / "index.csv"
     if not index.is_file():
-        files = sorted(folder.glob("*.csv"))
+        files = sorted(f for f in folder.iterdir() if f.suffix.lower() == ".csv")
         if not files:
             raise InputError("no index.csv and no CSV file in it", file=folder)
         return [read_tidy(file) for file in files]
@@ -109,6 +110,28 @@ def read_folder(
     if not recordings and not unusable:
         raise InputError("no rows; it lists no recording", file=index)
     return recordings
+
+
+def write_index(folder: Path, recordings: Mapping[str, Recording]) -> None:
+    """Say in `folder`/index.csv of what each file is; rows of other files stay.
+
+    `recordings` by file name there.
+    """
+    index = folder / "index.csv"
+    rows: dict[str, dict[str, str]] = {}
+    if index.is_file():
+        header, *cells = [c for _, c in _cells(index)]
+        found = [dict(zip(header, c, strict=False)) for c in cells]
+        rows = {r["file"]: r for r in found if "file" in r}
+    for name, one in recordings.items():
+        rate = "" if one.rate_per_s is None else f"{one.rate_per_s:.9g}"
+        about = {k: getattr(one, k) for k in ("specimen", "material", "test")}
+        rows[name] = {"file": name, **about, "rate_per_s": rate}
+    columns = list(dict.fromkeys(c for r in rows.values() for c in r))
+    with index.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, restval="")
+        writer.writeheader()
+        writer.writerows(rows.values())
 
 
 def read_tidy(path: str | Path, **about: object) -> Recording:
