@@ -165,7 +165,10 @@ def _apart(one: Recording, other: Recording) -> float:
         return 0.0
     grid = np.linspace(0.0, min(t[-1], u[-1]), 400)
     span = float(np.ptp(e))
-    if span == 0 or np.abs(np.interp(grid, t, e) - np.interp(grid, u, f)).max() > ALIKE * span:
+    if (
+        span == 0
+        or np.abs(np.interp(grid, t, e) - np.interp(grid, u, f)).max() > ALIKE * span
+    ):
         return 0.0
     differs = np.interp(grid, t, s) - np.interp(grid, u, v)
     return float(np.quantile(np.abs(differs), 0.9) / max(float(np.ptp(s)), 1e-300))
