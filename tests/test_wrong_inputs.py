@@ -190,6 +190,42 @@ def test_a_corrupted_export_is_refused(
     assert file.stem in told
 
 
+# Files as their machines wrote them, which hold no test of a soft material, or not all
+# that one needs; `said` is what settles it.
+AS_THEY_ARE = {
+    "a row a cycle": ("instron_wavematrix/Test1.steps.trends.csv", [], "tracking.csv"),
+    "a log": ("instron_wavematrix/Test1.log", [], "tracking.csv"),
+    "a side-car": ("instron_wavematrix/Test6.specimen.txt", [], "tracking.csv"),
+    "a wire of steel": ("walter_bai/Exemple_WB100kN_2_Tract_L100_D2.csv",
+                        ["--length", "100", "--diameter", "2"], "--as-is"),
+    "invar": ("zwick_tra/Invar_LT_05_01.TRA", [], "--as-is"),
+    "a sweep of frequency": ("gabo_eplexor/freq_Eplexor_raw.xls", [], "static test"),
+    "a clock that jumps": ("zwick_de/DX56_D_FZ2_WR00_43.TXT", [], "--interval"),
+    "no length in a workbook": ("zwick_xlsx/Traction-10_cryo.XLSX", [], "--length"),
+    "no sizes, both at once": ("shimadzu/Exemple_Shimadzu_Tract_L100_D2.csv", [],
+                               "--area MM2, or --width MM and --thickness MM, or "
+                               "--diameter MM; and --length MM"),
+    "the wrong decimal mark": ("instron_bluehill_eu/Tensile_test_PE.csv",
+                               ["--decimal", ".", *SIZES], "decimal point"),
+    "shear of an adhesive in Pa": ("ta_dma850/shear_relaxation_raw.xls", [], "MPa"),
+    "no section": ("ta_trios/leap-comp-4.txt", [], "--area"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "options", "said"), AS_THEY_ARE.values(),
+                         ids=AS_THEY_ARE)  # fmt: skip
+def test_a_file_that_is_no_such_test_is_refused(
+    name, options, said, data_folder, tmp_path, capsys
+):
+    file = data_folder / "machine-formats" / name
+    if not file.is_file():
+        pytest.skip("SOFTNN_DATA has no machine-formats")
+    told = refused(["diagnose", file, "--out", tmp_path / "out", *options], capsys)
+    assert said in told
+    assert file.stem.split(".")[0] in told
+    assert not list((tmp_path / "out").rglob("*.json"))
+
+
 # -- the folder to write into ----------------------------------------------------------
 
 

@@ -88,8 +88,8 @@ def _page(law: Effect) -> str:
         if law.twins
         else "Nothing that is known here.",
         "Alike: how much of what this effect changes on its telltale the other one "
-        "takes up there, scaled to fit, before any stiffness is refitted. At 100 % this "
-        "recording cannot tell them apart; the last column says which can."
+        "takes up there, scaled to fit, before any stiffness is refitted. At 100 % "
+        "this recording cannot tell them apart; the last column says which can."
         if law.twins
         else "",
         "## Parameters",

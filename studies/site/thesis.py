@@ -58,7 +58,14 @@ def _index() -> str:
 def _chapter(title: str | None, says: str, study: Sequence[str], *parts: str) -> str:
     commands = "\n".join(f"python -m studies.{s}" for s in study)
     return "\n\n".join(
-        [f"# {title}", says, CAUTION, *parts, "## The commands", f"```\n{commands}\n```"]
+        [
+            f"# {title}",
+            says,
+            CAUTION,
+            *parts,
+            "## The commands",
+            f"```\n{commands}\n```",
+        ]
     )
 
 
