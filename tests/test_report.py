@@ -222,10 +222,9 @@ def test_seven_recordings_of_5000_samples_are_ready_at_once(chromium, tmp_path):
     tools.send("Performance.enable")
     one.goto(page.as_uri())
     one.wait_for_selector("#picture[data-ready]", timeout=120_000)
-    taken = {
-        m["name"]: m["value"] for m in tools.send("Performance.getMetrics")["metrics"]
-    }
-    assert taken["ThreadTime"] < READY_S
+    measured = tools.send("Performance.getMetrics")["metrics"]
+    taken = next(m["value"] for m in measured if m["name"] == "ThreadTime")
+    assert taken < READY_S
     context.close()
 
 

@@ -19,8 +19,9 @@ from studies.shown import properties, realtime, tendon
 RESULTS = Path(__file__).parents[1] / "results"
 PL = ("PL-SLS", "PL-Wiechert")
 CAUTION = (
-    "*Published* is as printed; *found* is of virtual specimens, made up to be like the "
-    "published ones, never of the recordings behind the thesis, which were not published."
+    "*Published* is as printed; *found* is of virtual specimens, made up to be like "
+    "the published ones, never of the recordings behind the thesis, which were not "
+    "published."
 )
 
 
@@ -42,9 +43,9 @@ def _index() -> str:
             "# The thesis, chapter by chapter",
             "*Modelling and Characterization of Soft Materials for Bio-inspired "
             "Series-elastic Actuators* (PhD thesis, 2020) measured seven materials, "
-            "fitted piecewise-linear viscoelastic models and small networks to them, and "
-            "asked what they are worth in an actuator. Each page has its tables, what "
-            "softnn finds, and the command that finds it.",
+            "fitted piecewise-linear viscoelastic models and small networks to them, "
+            "and asked what they are worth in an actuator. Each page has its tables, "
+            "what softnn finds, and the command that finds it.",
             CAUTION,
             *(
                 f"- [{make.__doc__.splitlines()[0]}](chapter-{n}.md)"
@@ -130,9 +131,9 @@ def characterization() -> str:
     real = [k for k, v in body.items() if isinstance(v, dict) and "tensile" in v]
     return _chapter(
         characterization.__doc__,
-        "Tensile tests to failure at up to three speeds and stress relaxation give each "
-        "material's elastic and viscous properties, after eight steps of preparation "
-        "(`softnn.prepare`).",
+        "Tensile tests to failure at up to three speeds and stress relaxation give "
+        "each material's elastic and viscous properties, after eight steps of "
+        "preparation (`softnn.prepare`).",
         ["virtual_specimens", "properties"],
         printed("4.1"),
         f"Of {head['virtual_properties']} properties of Tables 4.2 and 4.4, "
@@ -204,8 +205,8 @@ def piecewise() -> str:
     return _chapter(
         piecewise.__doc__,
         "A spring whose stiffness is a step function of strain, beside one Maxwell "
-        "branch (PL-SLS) or several (PL-Wiechert); the branches are read off relaxation "
-        "tests, the springs off one tensile test. Errors are NRMSE.",
+        "branch (PL-SLS) or several (PL-Wiechert); the branches are read off "
+        "relaxation tests, the springs off one tensile test. Errors are NRMSE.",
         ["segments", "accuracy", "rates", "branches"],
         "## Table 5.1: how well can one curve be described?",
         markdown(
@@ -262,10 +263,10 @@ def networks() -> str:
     kinds = [k.removeprefix("nrmse_random_") for k in inputs if "nrmse_random_" in k]
     return _chapter(
         networks.__doc__,
-        "Networks of one hidden layer of 1 to 20 neurons, by Bayesian regularisation and "
-        "ten-fold cross-validation. Folds drawn at random put neighbours in time on both "
-        "sides, so they tell how well a network interpolates: whole specimens and whole "
-        "rates left out stand beside.",
+        "Networks of one hidden layer of 1 to 20 neurons, by Bayesian regularisation "
+        "and ten-fold cross-validation. Folds drawn at random put neighbours in time "
+        "on both sides, so they tell how well a network interpolates: whole specimens "
+        "and whole rates left out stand beside.",
         ["inputs", "neurons", "regularisation"],
         "## Section 6.4.1: which inputs?",
         markdown(
@@ -304,8 +305,8 @@ def actuator() -> str:
     strips, real, loop = result("tendon"), result("realtime"), result("actuator")
     return _chapter(
         actuator.__doc__,
-        "How many strips are as stiff as a human tendon, what a network answers to a sine "
-        "in real time, and what a controller loses by each model of the strips.",
+        "How many strips are as stiff as a human tendon, what a network answers to a "
+        "sine in real time, and what a controller loses by each model of the strips.",
         ["tendon", "realtime", "actuator", "survivor"],
         printed("7.1"),
         "## Table 7.2: strips as stiff as a tendon\n\nFound:",
