@@ -27,6 +27,7 @@ AGAINST = -0.5  # correlation of stress and strain, below which one is reversed
 GIVEN = -0.02  # of the work put in, that a loop gives back beyond it
 CLOSED = 0.2  # of the range of strain, between the ends of a loop
 STRAIGHTER = 0.3  # of the other's deviation from straight lines: was imposed
+STILL = 1e-9  # MPa, or another unit: what moves by less is noise of arithmetic
 FEWEST = 16  # samples, below which nothing is judged
 ALIKE = 0.02  # of the range, within which two strain programmes are one
 APART = 0.05  # of the range of stress, by which specimens of one programme differ
@@ -61,14 +62,15 @@ def check_plausible(
     notes: list[str] = []
 
     def refuse(message: str, column: str) -> None:
+        end = "" if message.endswith("?") else "."
         raise InputError(
-            f"{message}. If it is right, say --as-is", file=where, column=column
+            f"{message}{end} If it is right, say --as-is", file=where, column=column
         )
 
     def note(message: str, _: str) -> None:
         notes.append(message)
 
-    if np.ptp(stress) == 0:
+    if np.ptp(stress) < STILL:
         refuse(
             f"{axes.stress.name} is {stress[0]:.4g} {axes.stress.unit} throughout "
             f"while {axes.strain.name} moves; is the channel connected, and the column "

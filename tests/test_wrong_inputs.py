@@ -8,6 +8,7 @@ import pytest
 
 from softnn.cli import main
 from softnn.mismatch.api import to_case
+from softnn.readers.tidy import read_folder
 
 TIME = np.linspace(0, 30, 240)
 STRAIN = 0.5 * (1 - np.abs(TIME / 15 - 1))
@@ -52,6 +53,7 @@ REFUSED = {
     "strain of 50 per cent": (text(strain=100 * STRAIN), "per cent"),
     "a dead channel": (text(stress=0 * STRESS + 0.2), "channel connected"),
     "zero stress": (text(stress=0 * STRESS), "channel connected"),
+    "a stress of next to nothing": (text(stress=1e-300 * STRESS), "channel connected"),
     "a clock that stands": (text(time=0 * TIME), "clock"),
     "time backwards": (text(time=TIME[::-1]), "goes backwards"),
     "text in a number": (rows(lambda r: [*r[:9], "1,x,2", *r[9:]]), "not a number"),
@@ -103,6 +105,23 @@ def test_noted_for_the_report(content, said, tmp_path):
     file.write_text(content)
     assert any(said in note for note in to_case([file]).notes)
     assert to_case([file], as_is=True).notes == ()
+
+
+def test_a_case_toml_is_told_what_it_may_name(tmp_path, capsys):
+    """A stored model is an option of the command, no key of the case."""
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "mine.CSV").write_text(text())
+    (tmp_path / "case.toml").write_text('model = "model.json"\n')
+    told = refused(["diagnose", tmp_path, "--out", tmp_path / "out"], capsys)
+    assert "--model FILE" in told
+    assert "or a model.json" not in told
+
+
+def test_a_case_folder_is_read_by_all(tmp_path):
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "mine.CSV").write_text(text())
+    (one,) = read_folder(tmp_path)
+    assert one.name == "mine"
 
 
 def test_the_recording_itself_is_neither(tmp_path):

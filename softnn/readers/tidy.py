@@ -65,13 +65,17 @@ def read_folder(
 ) -> list[Recording]:
     """Recordings of a folder: as its `index.csv` lists them, else every CSV, by name.
 
+    Of a case those in its `recordings`.
+
     Raises `InputError` for the first file that cannot be read; where `unusable` is
     given such files of an index are passed over, and it says why, by name there.
     """
     folder = Path(folder)
     index = folder / "index.csv"
     if not index.is_file():
-        files = sorted(f for f in folder.iterdir() if f.suffix.lower() == ".csv")
+        inner = folder / "recordings"
+        inner = inner if inner.is_dir() else folder
+        files = sorted(f for f in inner.iterdir() if f.suffix.lower() == ".csv")
         if not files:
             raise InputError("no index.csv and no CSV file in it", file=folder)
         return [read_tidy(file) for file in files]
