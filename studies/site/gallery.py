@@ -152,7 +152,8 @@ def alike(law: Effect, other: Effect) -> float | None:
     own, its = (changed(e.id, law.id) - clean(law.id) for e in (law, other))
     if not (own @ own > 0 and its @ its > 0):
         return None
-    return float(max(own @ its, 0.0) ** 2 / ((own @ own) * (its @ its)))
+    with_it = max(float(own @ its), 0.0)
+    return with_it**2 / float((own @ own) * (its @ its))
 
 
 def _with_and_without(law: Effect) -> str:

@@ -15,7 +15,6 @@ from softnn.contracts import InputError
 from softnn.study.common import guarded
 
 TARGET = Path(__file__).parents[2] / "docs" / "figures" / "report.png"
-SIZE = {"width": 1100, "height": 1000}
 
 
 def main() -> int:
@@ -33,7 +32,9 @@ def take(target: Path) -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
         softnn(["demo", "--out", folder])
         browser = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        page = browser.new_page(viewport=SIZE, color_scheme="light")
+        page = browser.new_page(
+            viewport={"width": 1100, "height": 1000}, color_scheme="light"
+        )
         page.goto((Path(folder) / "found/case/report.html").as_uri())
         page.wait_for_selector("#picture[data-ready]")
         page.select_option("#recording", index=2)  # cycles: there it shows
