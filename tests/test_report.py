@@ -5,12 +5,14 @@ import gzip
 import json
 import shutil
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from softnn.axes import SPECIMEN, Axes
 from softnn.mismatch import Case
+from softnn.mismatch.words import summary
 from softnn.recording import Recording
 from softnn.report import write_index, write_report
 from softnn.report.picture import kept, recordings
@@ -152,6 +154,34 @@ def test_the_page_says_why_each_effect_lost(tmp_path):
     assert "foretells recordings left out no better than the base alone" in text
     assert "not determined by these recordings" in text  # an interval without an end
     assert "strain was in per cent" in text
+
+
+def test_of_one_recording_nothing_is_said_of_others(tmp_path):
+    (page,) = write_report(told(("only",)), tmp_path)
+    text = page.read_text()
+    assert "foretells what was left out no better than the base alone" in text
+    assert "recordings left out no better" not in text
+    assert "One recording: nothing can be checked on another" in text
+    assert "% at 4 % a second" in text  # as it was understood
+
+
+@pytest.mark.parametrize(
+    ("nothing_named", "said"),
+    [(0.09, "that no effect known here explains (97 %)"),
+     (0.80, "that is on no list (80 %)")],
+)  # fmt: skip
+def test_what_is_unexplained_is_as_sure_as_that_something_is_missing(
+    nothing_named, said
+):
+    probable = SimpleNamespace(nothing_named=nothing_named, nothing=0.03, effects={})
+    engine = SimpleNamespace(chunks=[None])
+    one = SimpleNamespace(
+        probable=probable, engine=engine, names=[], verdict="unexplained"
+    )
+    fit = {"noise_nrmse": 0.01, "before": {"heldout_nrmse": 0.5}}
+    sentence = summary({"fit": fit, "structure": None}, one)
+    assert said in sentence
+    assert "on parts left out of it is 50 %" in sentence
 
 
 def test_seven_recordings_of_5000_samples_stay_under_6_megabytes(tmp_path):
