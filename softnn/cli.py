@@ -98,6 +98,7 @@ def _run_read(arguments: argparse.Namespace) -> int:
     options = options_of(arguments)
     out = Path(arguments.out) if arguments.out else None
     taken: set[str] = set()
+    written: dict[str, Recording] = {}
     failures = 0
     for file in arguments.files:
         try:
@@ -109,8 +110,14 @@ def _run_read(arguments: argparse.Namespace) -> int:
         for recording in recordings:
             print(describe(recording))
             if out is not None:
-                print(f"  written to  {write_tidy(recording, out, taken)}")
+                path = write_tidy(recording, out, taken)
+                written[path.name] = recording
+                print(f"  written to  {path}")
             print()
+    if out is not None and written:
+        from softnn.readers.tidy import write_index
+
+        write_index(out, written)  # specimens, and rates, are in no column of a file
     return 2 if failures else 0
 
 
@@ -196,7 +203,7 @@ def write_tidy(recording: Recording, folder: Path, taken: set[str]) -> Path:
     import pandas as pd
 
     stem = re.sub(r"[^A-Za-z0-9._-]+", "_", recording.name).strip("._-")[:100]
-    stem = base = stem or "recording"
+    stem = base = stem if stem not in ("", "index") else "recording"
     count = 1
     while stem.casefold() in taken:
         count += 1

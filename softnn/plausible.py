@@ -8,7 +8,7 @@ and whether a loop of loading and unloading takes work, as every passive materia
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +21,24 @@ SOFTEST_MPa, STIFFEST_MPa = 1e-3, 100.0
 STIFF_MPa = 10.0  # few elastomers are stiffer, and a gel of 10 kPa is, in kPa
 STRAIGHT = 0.04  # of the peak stress, off a chord: at a strain of 1 rubber is 0.1 off
 LARGE = 7.0  # of strain: few elastomers reach it
-SLOWEST_per_s, FASTEST_per_s = 3e-5, 10.0  # of strain, where it moves most
+# Of strain, where it moves most: a tenth a second in ms, and in min.
+SLOWEST_per_s, FASTEST_per_s = 2e-4, 5.0
 AGAINST = -0.5  # correlation of stress and strain, below which one is reversed
 GIVEN = -0.02  # of the work put in, that a loop gives back beyond it
 CLOSED = 0.2  # of the range of strain, between the ends of a loop
 STRAIGHTER = 0.3  # of the other's deviation from straight lines: was imposed
+STILL = 1e-9  # MPa, or another unit: what moves by less is noise of arithmetic
 FEWEST = 16  # samples, below which nothing is judged
+ALIKE = 0.02  # of the range, within which two strain programmes are one
+APART = 0.05  # of the range of stress, by which specimens of one programme differ
+# Up to a stiffness in MPa: what is of that kind.
+KINDS = (
+    (0.03, "a gel or soft tissue"),
+    (0.3, "a very soft silicone or adhesive"),
+    (10.0, "silicone or rubber"),
+    (100.0, "hard rubber or polyurethane"),
+    (np.inf, "a plastic or a metal"),
+)
 
 Tell = Callable[[str, str], None]  # of what, in which column
 
@@ -50,14 +62,15 @@ def check_plausible(
     notes: list[str] = []
 
     def refuse(message: str, column: str) -> None:
+        end = "" if message.endswith("?") else "."
         raise InputError(
-            f"{message}. If it is right, say --as-is", file=where, column=column
+            f"{message}{end} If it is right, say --as-is", file=where, column=column
         )
 
     def note(message: str, _: str) -> None:
         notes.append(message)
 
-    if np.ptp(stress) == 0:
+    if np.ptp(stress) < STILL:
         refuse(
             f"{axes.stress.name} is {stress[0]:.4g} {axes.stress.unit} throughout "
             f"while {axes.strain.name} moves; is the channel connected, and the column "
@@ -70,6 +83,97 @@ def check_plausible(
         _stiffness(strain, stress, refuse)
         notes += _notes(time, strain, stress)
     return [f"{recording.name}: {said}" for said in notes]
+
+
+def understood(recording: Recording) -> str:
+    """What a recording is of, in units by which a wrong one shows.
+
+    >>> time = np.linspace(0, 20, 41)
+    >>> strain = 0.5 * (1 - np.abs(time / 10 - 1))
+    >>> understood(Recording(time, strain, 1.2 * strain))
+    '20 s; strain up to 50 % at 5 % a second; stress to 0.6 MPa: silicone or rubber'
+    """
+    good = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
+    time = recording.time_s[good]
+    strain, stress = recording.strain[good], recording.stress_MPa[good]
+    if len(time) < 2:
+        return ""
+    axes, rate = recording.axes, fastest(time, strain)
+    span, far = _spelt(time[-1] - time[0]), strain[np.argmax(np.abs(strain))]
+    top = stress[np.argmax(np.abs(stress))]
+    if axes.component:
+        return (
+            f"{span}; {axes.strain.name} to {far:.3g} {axes.strain.unit} at "
+            f"{rate:.2g} {axes.rate}; {axes.stress.name} to {top:.3g} "
+            f"{axes.stress.unit}"
+        )
+    way = "up to" if far > 0 else "down to"
+    stiffness = np.ptp(stress) / max(float(np.ptp(strain)), 1e-300)
+    kind = next(said for most, said in KINDS if stiffness <= most)
+    return (
+        f"{span}; strain {way} {100 * far:.3g} % at {100 * rate:.2g} % a second; "
+        f"stress to {top:.3g} MPa: {kind}"
+    )
+
+
+def _spelt(seconds: float) -> str:
+    """A time as one would say it."""
+    for size, unit in ((86400, "days"), (3600, "h"), (60, "min")):
+        if seconds >= 3 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+def fastest(time: Array, strain: Array) -> float:
+    """Rate of strain [1/s] where it moves, short of the few largest steps."""
+    step = np.diff(time)
+    rates = np.abs(np.diff(strain))[step > 0] / step[step > 0]
+    return float(np.quantile(rates, 0.95)) if len(rates) else 0.0
+
+
+def scattered(recordings: Sequence[Recording]) -> list[str]:
+    """A note where recordings of one strain programme differ: several specimens?
+
+    Nothing tells those from one specimen that wears, so that they are not taken for
+    either; a line says where to say so.
+    """
+    apart: dict[str, float] = {}
+    for i, one in enumerate(recordings):
+        for other in recordings[:i]:
+            if (difference := _apart(one, other)) > APART:
+                for name in (one.name, other.name):
+                    apart[name] = max(apart.get(name, 0.0), difference)
+    if not apart:
+        return []
+    names = [r.name for r in recordings if r.name in apart]
+    shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if names[3:] else "")
+    return [
+        f"{shown}: strained alike, and their stress differs by up to "
+        f"{100 * max(apart.values()):.0f} %; if they are different specimens, say so "
+        'in case.toml: [specimen], and a line each, recording = "name"'
+    ]
+
+
+def _apart(one: Recording, other: Recording) -> float:
+    """Difference of stress over its range, 0 for another strain programme."""
+    if one.axes != other.axes:
+        return 0.0
+    grids = []
+    for r in (one, other):
+        good = np.isfinite(r.strain) & np.isfinite(r.stress_MPa)
+        grids.append((r.time_s[good] - r.time_s[0], r.strain[good], r.stress_MPa[good]))
+    (t, e, s), (u, f, v) = grids
+    if min(len(t), len(u)) < FEWEST or not 0.98 < t[-1] / max(u[-1], 1e-300) < 1.02:
+        return 0.0
+    grid = np.linspace(0.0, min(t[-1], u[-1]), 400)
+    span = float(np.ptp(e))
+    if (
+        span == 0
+        or np.abs(np.interp(grid, t, e) - np.interp(grid, u, f)).max() > ALIKE * span
+    ):
+        return 0.0
+    differs = np.interp(grid, t, s) - np.interp(grid, u, v)
+    return float(np.quantile(np.abs(differs), 0.9) / max(float(np.ptp(s)), 1e-300))
 
 
 def _stiffness(strain: Array, stress: Array, refuse: Tell) -> None:
@@ -134,17 +238,15 @@ def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
     if stiffness > STIFF_MPa:
         notes.append(
             f"stiffness is {stiffness:.3g} MPa, more than most elastomers have; if "
-            "stress is in kPa, divide it by 1000"
+            "stress is in kPa, divide it by 1000, if it is a force, by the section"
         )
-    step = np.diff(time)
-    rates = np.abs(np.diff(strain))[step > 0] / step[step > 0]
-    rate = float(np.quantile(rates, 0.95)) if len(rates) else 0.0
+    rate = fastest(time, strain)
     if 0 < rate < SLOWEST_per_s:
         notes.append(
             f"strain moves by {rate:.2g} 1/s at most; if time is in ms, divide it "
             "by 1000"
         )
-    if rate > FASTEST_per_s:
+    if FASTEST_per_s < rate and top <= LARGE:  # per cent are fast, too
         notes.append(
             f"strain moves by {rate:.3g} 1/s; if time is in min or h, "
             "multiply it by 60 or 3600"

@@ -71,7 +71,10 @@ def test_a_plain_folder_is_a_case_and_what_is_left_out_is_told(tmp_path):
 def test_it_says_what_it_inferred(tmp_path):
     case = to_case([spring(tmp_path / "a.csv"), spring(tmp_path / "b.csv")])
     first, *_, last = inferred(case, "hooke")
-    assert first.startswith("a: 120 samples, 30 s, strain 0 to 0.297 (tension), stress")
+    assert first == (
+        "a: tidy CSV, 120 samples, 30 s; strain up to 29.7 % at 2 % a second; "
+        "stress to 0.594 MPa: silicone or rubber"
+    )
     assert "2 recording(s)" in last
     assert last.endswith("base: hooke")
 

@@ -6,6 +6,7 @@ import time as clock
 
 import numpy as np
 import pytest
+from linear_made import BURGERS, SLS, defaults, wander
 from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, lsim
 
@@ -25,26 +26,6 @@ from softnn.models import (
 from softnn.models.branches import evenly
 
 MODEL_NAMES = [type(m).__name__ for m in MODELS]
-SLS = {"equilibrium_stiffness": 0.8, "stiffness": 1.7, "relaxation_time": 0.6}
-BURGERS = {
-    "stiffness": 2.0,
-    "relaxation_time": 3.0,
-    "retarded_stiffness": 0.7,
-    "retardation_time": 0.4,
-}
-
-
-def defaults(model):
-    return {p.name: p.default for p in model.parameters}
-
-
-def wander(n=700, irregular=False, seed=0):
-    """A strain history that goes up and down, at constant or random steps."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(n) * 0.01
-    if irregular:
-        time = np.cumsum(rng.uniform(0.0, 0.02, n))
-    return Chunk(time, 0.3 * np.sin(time) + np.cumsum(rng.normal(0, 1e-3, n)))
 
 
 def by_hand(k, tau, chunk):
@@ -294,94 +275,6 @@ def test_a_step_of_strain_gives_the_relaxation_modulus(model):
     np.testing.assert_allclose(
         stress, 0.2 * model.relaxation(parameters, time), rtol=1e-11, atol=1e-15
     )
-
-
-@pytest.mark.parametrize(
-    "model",
-    [m for m in MODELS if not isinstance(m, SecondOrderExponential | PLWiechert)],
-    ids=lambda m: type(m).__name__,
-)
-def test_creep_and_relaxation_are_each_others_inverse(model):
-    # Strain that creeps under a constant stress, imposed, gives that stress back.
-    parameters = BURGERS if isinstance(model, Burgers) else defaults(model)
-    time = np.linspace(0, 5, 20001)
-    strain = model.creep(parameters, time)
-    stress, _ = model.apply(parameters, Chunk(time, strain))
-    np.testing.assert_allclose(stress[1:], 1.0, atol=2e-4)
-
-
-def test_creep_closed_forms():
-    t = np.array([0.0, 0.1, 1.0, 10.0])
-    k, tau, k_r, tau_r = BURGERS.values()
-    expected = 1 / k + t / (k * tau) - np.expm1(-t / tau_r) / k_r
-    np.testing.assert_allclose(Burgers().creep(BURGERS, t), expected, rtol=1e-12)
-    k_e, k, tau = SLS.values()
-    slow = tau * (k_e + k) / k_e
-    expected = 1 / k_e - k / (k_e * (k_e + k)) * np.exp(-t / slow)
-    found = StandardLinearSolid().creep(SLS, t)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-    fluid = Maxwell().creep({"stiffness": 2.0, "relaxation_time": 3.0}, t)
-    np.testing.assert_allclose(fluid, 0.5 + t / 6, rtol=1e-12)
-
-
-def test_implicit_euler_is_thesis_eq_5_6_and_first_order():
-    k_e, k, tau = SLS.values()
-
-    def ramp(n, update):
-        time = np.linspace(0, 3, n + 1)
-        stress, _ = StandardLinearSolid(update).apply(SLS, Chunk(time, 0.5 * time))
-        return time, stress
-
-    time, stress = ramp(4, "euler")
-    q = 0.0
-    for i in range(1, 5):
-        q = (k * 0.5 * 0.75 + q) / (1 + 0.75 / tau)
-        assert stress[i] == pytest.approx(k_e * 0.5 * time[i] + q, rel=1e-14)
-
-    errors = []
-    for n in (100, 200, 400, 800):
-        time, euler = ramp(n, "euler")
-        closed = k_e * 0.5 * time - k * tau * 0.5 * np.expm1(-time / tau)
-        _, exact = ramp(n, "exact")
-        np.testing.assert_allclose(exact, closed, atol=1e-13)
-        errors.append(np.abs(euler - closed).max())
-    orders = np.log2(np.divide(errors[:-1], errors[1:]))
-    np.testing.assert_allclose(orders, 1.0, atol=0.02)
-
-
-def test_exact_update_does_not_depend_on_the_steps():
-    k = defaults(Wiechert(3))
-    coarse = np.array([0.0, 1.0, 4.0])
-    strain = np.array([0.0, 0.4, 0.1])
-    fine = np.sort(np.unique(np.concatenate([coarse, np.linspace(0, 4, 777)])))
-    a, _ = Wiechert(3).apply(k, Chunk(coarse, strain))
-    b, _ = Wiechert(3).apply(k, Chunk(fine, np.interp(fine, coarse, strain)))
-    np.testing.assert_allclose(a, b[np.isin(fine, coarse)], rtol=1e-12)
-
-
-def test_branches_see_branch_strain():
-    chunk = wander()
-    both = Chunk(chunk.time_s, chunk.strain, branch_strain=2 * chunk.strain)
-    plain, _ = StandardLinearSolid().respond(SLS, chunk)
-    split, _ = StandardLinearSolid().respond(SLS, both)
-    np.testing.assert_allclose(split.equilibrium, plain.equilibrium)
-    np.testing.assert_allclose(split.branches, 2 * plain.branches)
-
-
-@pytest.mark.parametrize(
-    ("chunk", "message"),
-    [
-        (Chunk(np.array([0.0, 1.0]), np.array([0.0, np.nan])), "sample 1 is no number"),
-        (Chunk(np.array([0.0, -1.0]), np.zeros(2)), "time goes backwards"),
-        (Chunk(np.array([0.0, np.nan]), np.zeros(2)), "time goes backwards"),
-        (Chunk(np.arange(3.0), np.zeros(2)), "allowed is"),
-        (Chunk(np.zeros(0), np.zeros(0)), "no samples"),
-    ],
-)
-@pytest.mark.parametrize("model", [KelvinVoigt(), Wiechert(2)])
-def test_a_bad_history_is_refused(model, chunk, message):
-    with pytest.raises(InputError, match=message):
-        model.apply(defaults(model), chunk)
 
 
 @pytest.mark.parametrize("model", MODELS, ids=MODEL_NAMES)

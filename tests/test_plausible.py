@@ -5,11 +5,12 @@ import pandas as pd
 import pytest
 from made import STIFFNESS, UNITS, histories, mullins, write_case
 
+from softnn.axes import COMPONENTS
 from softnn.cli import main
 from softnn.contracts import InputError
 from softnn.effects import EFFECTS
 from softnn.mismatch.api import to_case
-from softnn.plausible import bent, check_plausible
+from softnn.plausible import bent, check_plausible, scattered, understood
 from softnn.readers.tidy import read_folder
 from softnn.recording import Recording
 from softnn.simulate import Term, simulate
@@ -50,8 +51,9 @@ def test_what_would_be_answered_wrongly_is_refused(wrong, said):
     ("odd", "said"),
     [
         (lambda t, e, s: (t, 100 * e, s), "per cent"),
-        (lambda t, e, s: (1e4 * t, e, s), "ms"),
-        (lambda t, e, s: (t / 3600, e, s), "3600"),
+        (lambda t, e, s: (1e3 * t, e, s), "ms"),
+        (lambda t, e, s: (t / 120, e, s), "60 or 3600"),
+        (lambda t, e, s: (t, e, 15 * s), "a force, by the section"),
         (lambda t, e, s: (t, e, s - 7), "offset"),
     ],
 )
@@ -84,6 +86,40 @@ def test_real_recordings_of_rubber_are_plausible(data_folder):
     ):
         for one in read_folder(data_folder / name):
             check_plausible(one)
+
+
+def test_it_is_told_in_words_by_which_a_wrong_unit_shows():
+    time = np.linspace(0, 7200, 721)
+    strain = 0.25 * (1 - np.abs(time / 3600 - 1))
+    said = understood(Recording(time, -strain, -4 * strain))
+    assert said == (
+        "120 min; strain down to -25 % at 0.0069 % a second; stress to -1 MPa: "
+        "silicone or rubber"
+    )
+    for factor, kind in (
+        (5e-3, "gel"),
+        (0.05, "very soft"),
+        (10, "hard"),
+        (99, "metal"),
+    ):
+        assert kind in understood(Recording(time, strain, 4 * factor * strain))
+    force = Recording(time, 40 * strain, 90 * strain, axes=COMPONENTS[0])
+    assert understood(force).endswith("elongation to 10 mm at 0.0028 mm/s; force to "
+                                      "22.5 N")  # fmt: skip
+
+
+def test_specimens_nobody_named_are_asked_for():
+    """Of one programme; not where the programme differs, nor where noise does."""
+    time, strain, stress = recorded()
+    one = Recording(time, strain, stress, name="a")
+    (note,) = scattered([one, Recording(time, strain, 1.2 * stress, name="b")])
+    assert note.startswith("a, b: strained alike")
+    assert "[specimen]" in note
+    rng = np.random.default_rng(1)
+    noisy = stress + 0.002 * rng.standard_normal(len(stress))
+    assert scattered([one, Recording(time, strain, noisy, name="b")]) == []
+    assert scattered([one, Recording(time, 0.5 * strain, stress / 2, name="b")]) == []
+    assert scattered([one, Recording(2 * time, strain, 1.2 * stress, name="b")]) == []
 
 
 def test_a_parabola_deviates_from_its_chords_as_geometry_says():

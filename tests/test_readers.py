@@ -8,29 +8,27 @@ expected of all of them, whatever their units, marks and languages.
 from __future__ import annotations
 
 import gzip
-import io
-import os
-import time
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from readers_made import (
+    AREA,
+    BOTH,
+    LENGTH,
+    REFERENCE,
+    STRAIN,
+    STRESS,
+    TIME,
+    assert_same,
+    zwick_workbook,
+)
 
 from softnn import readers
-from softnn.cli import main
 from softnn.contracts import InputError
 from softnn.readers import READERS, ReadOptions, read
 from softnn.readers.source import Sheet, Source
-from softnn.readers.tidy import read_tidy
 from softnn.readers.units import convert, parse_unit
-from softnn.recording import Recording
-
-REFERENCE = Path(__file__).parent / "reference"
-I = np.arange(12.0)  # noqa: E741
-TIME, STRAIN, STRESS = 0.5 * I, 0.01 * I, (I + I**2 / 4) / 10
-LENGTH, AREA = {"length_mm": 20.0}, {"area_mm2": 10.0}
-BOTH = {**LENGTH, **AREA}
 
 # file, what it does not say itself, dialect, sign of the stress
 CASES = [
@@ -71,18 +69,6 @@ CASES = [
     ("generic_thousands.csv", {}, "delimited table", 1),
     ("generic_psi.csv", {}, "delimited table", 1),
 ]
-
-
-def assert_same(found: Recording, sign: int = 1, rows: slice = slice(None)) -> None:
-    """The invented test to the six decimals its files are written with."""
-    for name, values in (
-        ("time_s", TIME),
-        ("strain", sign * STRAIN),
-        ("stress_MPa", sign * STRESS),
-    ):
-        np.testing.assert_allclose(
-            getattr(found, name), values[rows], rtol=1e-5, atol=2e-6, err_msg=name
-        )
 
 
 def reason(name: str, **given: object) -> str:
@@ -172,30 +158,6 @@ def test_normal_stress_of_a_rheometer_is_not_axial_stress() -> None:
 
 
 # -- workbooks
-
-
-def zwick_workbook(path: Path) -> Path:
-    import openpyxl
-
-    book = openpyxl.Workbook()
-    sheet = book.active
-    sheet.title = "Results"
-    for row in (
-        [None, "Specimen designation", "a0", "b0", "S0", "Test speed"],
-        [None, None, "mm", "mm", "mm\u00b2", "mm/min"],
-        [None, "one", 2, 5, 10, 24],
-        [None, "two", 4, 5, 20, 24],
-    ):
-        sheet.append(row)
-    for name, factor in (("one", 1), ("two", 2)):
-        sheet = book.create_sheet(f"Values {name}")
-        sheet.append([name] * 3)
-        sheet.append(["Time", "Standard force", "Standard travel"])
-        sheet.append(["s", "N", "mm"])
-        for t, e, s in zip(TIME, STRAIN, STRESS, strict=True):
-            sheet.append([float(t), float(s * 10 * factor), float(e * 20)])
-    book.save(path)
-    return path
 
 
 def test_zwick_workbook_takes_each_specimens_section(tmp_path: Path) -> None:
@@ -379,218 +341,3 @@ def test_temperatures() -> None:
     assert convert(77, "\u00b0F", "temperature", "T") == pytest.approx(25)
     assert convert(298.15, "K", "temperature", "T") == pytest.approx(25)
     assert convert(25, "\u2103", "temperature", "T") == 25
-
-
-# -- hostile files
-
-
-def refused_quickly(path: Path, said: str) -> None:
-    start = time.perf_counter()
-    with pytest.raises(InputError, match=said):
-        read(path, **BOTH)
-    assert time.perf_counter() - start < 5
-
-
-def test_gzip_bomb(tmp_path: Path) -> None:
-    path = tmp_path / "a.csv.gz"
-    path.write_bytes(gzip.compress(gzip.compress(bytes(150_000_000), 9)))
-    refused_quickly(path, "NUL|not text|no table")
-    path.write_bytes(gzip.compress(b"1,2\n" * 30_000_000, 1))
-    refused_quickly(path, "unpacks to over")
-
-
-def test_zip_bomb(tmp_path: Path) -> None:
-    path = zwick_workbook(tmp_path / "a.xlsx")
-    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("xl/padding.xml", bytes(50_000_000))
-    refused_quickly(path, "unpacks to over")
-
-
-def with_member(path: Path, name: str, text: str) -> Path:
-    """The workbook with one member's content replaced."""
-    copy = io.BytesIO()
-    with zipfile.ZipFile(path) as old, zipfile.ZipFile(copy, "w") as new:
-        for item in old.infolist():
-            data = text.encode() if item.filename == name else old.read(item)
-            new.writestr(item.filename, data)
-    path.write_bytes(copy.getvalue())
-    return path
-
-
-SHEET = "xl/worksheets/sheet1.xml"
-
-
-def test_xml_bomb(tmp_path: Path) -> None:
-    laughs = "".join(
-        f'<!ENTITY l{i} "{f"&l{i - 1};" * 10 if i else "lol"}">' for i in range(12)
-    )
-    bomb = f"<?xml version='1.0'?><!DOCTYPE w [{laughs}]><w>&l11;</w>"
-    path = zwick_workbook(tmp_path / "a.xlsx")
-    refused_quickly(with_member(path, SHEET, bomb), "damaged")
-
-
-@pytest.mark.slow
-def test_cell_far_beyond_the_sheet(tmp_path: Path) -> None:
-    path = zwick_workbook(tmp_path / "a.xlsx")
-    far = (
-        '<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">'
-        '<dimension ref="A1:XFD1048576"/><sheetData><row r="999999999999">'
-        '<c r="A999999999999"><v>1</v></c></row></sheetData></worksheet>'
-    )
-    refused_quickly(with_member(path, SHEET, far), "cells|damaged")
-
-
-def test_folder_and_device(tmp_path: Path) -> None:
-    refused_quickly(tmp_path, "^[^:]*: is a folder")
-    refused_quickly(Path("/dev/zero"), "^/dev/zero: is not a plain file")
-
-
-@pytest.mark.parametrize(
-    ("raw", "said"),
-    [
-        (b"", "empty"),
-        (b"\x00" * 1000, "empty"),
-        (bytes(range(256)) * 40, "not text"),
-        (b"%PDF-1.7\n1,2\n3,4\n", "PDF"),
-        (b"<html><table><tr><td>1</td></tr></table></html>", "web page"),
-        (b"PK\x03\x04 nothing", "damaged"),
-        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "damaged"),
-        (b"\x1f\x8b\x08 nothing", "gzip"),
-        (b"just a few words\nand no numbers\n", "no table"),
-        (b"1,2,3\n" * 50, "without column names"),
-        (b"Time (s),Force (N)\n" + b"1,2" * 100_000, "no table"),
-        (b"Time (s),Force (N)\n" + b'"' + b"1,2\n" * 100, "quotation"),
-        (b"a," * 5000 + b"\n" + b"1," * 5000, "columns|no table"),
-    ],
-)
-def test_hostile_bytes(raw: bytes, said: str, tmp_path: Path) -> None:
-    path = tmp_path / "file.csv"
-    path.write_bytes(raw)
-    refused_quickly(path, said)
-
-
-# -- against tidy recordings nobody here made
-
-TIDY = [
-    (
-        "instron_bluehill/leap-tension-1_1.csv",
-        "foam-tpe-tension-cyclic/tidy/leap_t1.csv",
-        {"length_mm": 16.52, "width_mm": 9.92, "thickness_mm": 6.17},
-    ),
-    (
-        "instron_bluehill/silicone_30a_20251029_145648_1.csv",
-        "silicone30a-instron/tidy/bluehill_10cycles.csv",
-        {"length_mm": 110, "width_mm": 30, "thickness_mm": 2.65},
-    ),
-    (
-        "instron_wavematrix/Test1.steps.tracking.csv",
-        "silicone30a-instron/tidy/wavematrix_e3000_10cycles.csv",
-        {"length_mm": 110, "width_mm": 30, "thickness_mm": 2.65},
-    ),
-    (
-        "instron_bluehill_zh/0d05_1d5_1.csv",
-        "vhb4910-zhao/tidy/lu_0d05_1d5_1.csv",
-        {"length_mm": 80, "area_mm2": 22},
-    ),
-    (
-        "ta_dma850/shear_relaxation_raw.xls",
-        "oca-shear-ladder/tidy/shear_relaxation_raw.csv",
-        {"length_mm": 0.13, "area_mm2": 100},
-    ),
-    (
-        "ta_trios/leap-comp-4.txt",
-        "foam-tpe-compression-cyclic/tidy/leap_comp_4.csv",
-        {"length_mm": 10.92, "diameter_mm": 7.71},
-    ),
-]
-
-
-@pytest.fixture(scope="module")
-def data() -> Path:
-    folder = Path(os.environ.get("SOFTNN_DATA") or "absent")
-    if not (folder / "machine-formats").is_dir():
-        pytest.skip("SOFTNN_DATA has no machine-formats")
-    return folder
-
-
-@pytest.mark.parametrize(("raw", "tidy", "given"), TIDY, ids=[t[0] for t in TIDY])
-def test_raw_gives_tidy_to_a_thousandth(
-    raw: str, tidy: str, given: dict, data: Path
-) -> None:
-    (found,) = read(data / "machine-formats" / raw, **given)
-    expected = read_tidy(data / tidy)
-    block = len(found) // len(expected)  # the rheometer's tidy file holds means of 5
-    for name, there in expected.columns.items():
-        here = found.columns[name][: block * len(expected)].reshape(-1, block).mean(1)
-        if "wavematrix" in tidy and name == "stress_MPa":
-            here = here - here[0]  # its source shows stress from the first sample on
-        off = np.max(np.abs(here - there)) / np.ptp(there) if np.ptp(there) else 0.0
-        assert off < 1e-3, name
-
-
-def test_every_machine_file_is_read_or_refused_with_the_way_out(data: Path) -> None:
-    way_out = ("--", "name the", "export ")
-    refusals = {}
-    for file in sorted((data / "machine-formats").glob("*/*")):
-        try:
-            found = read(file, **BOTH)
-        except InputError as error:
-            refusals[file.name] = str(error)
-            continue
-        assert found
-        assert found[0].log[0].arguments["dialect"] != "delimited table", file.name
-    for message in refusals.values():
-        assert any(word in message for word in way_out), message
-
-
-# -- softnn read
-
-
-def test_command_writes_what_it_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    files = [
-        str(REFERENCE / "bluehill_two_specimens.csv"),
-        str(REFERENCE / "generic_psi.csv"),
-    ]
-    out = tmp_path / "out"
-    assert (
-        main(["read", *files, "--length", "20", "--area", "10", "--out", str(out)]) == 0
-    )
-    shown = capsys.readouterr().out
-    for word in ("Instron Bluehill", "Force [kN]", "0 to 0.11", "0 to 4.125 MPa"):
-        assert word in shown
-    written = sorted(p.name for p in out.glob("*.csv"))
-    assert written == [
-        "bluehill_two_specimens-1.csv",
-        "bluehill_two_specimens-2.csv",
-        "generic_psi.csv",
-    ]
-    for name in written:
-        assert_same(read_tidy(out / name))
-        assert_same(read(out / name)[0])
-        assert (out / name).with_suffix(".png").stat().st_size > 1000
-
-
-def test_command_refuses_in_one_line_and_reads_the_rest(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    bad, good = REFERENCE / "bad_unknown_unit.csv", REFERENCE / "generic_psi.csv"
-    assert main(["read", str(bad), str(good), "--area", "10", "--length", "20"]) == 2
-    shown = capsys.readouterr()
-    assert len(shown.err.strip().splitlines()) == 1
-    assert "4.125 MPa" in shown.out
-    assert main(["read", str(good), "--unit", "nonsense"]) == 2
-    assert main(["read", str(good), "--length", "-3"]) == 2
-
-
-def test_command_never_writes_outside_out(tmp_path: Path) -> None:
-    raw = (REFERENCE / "generic_psi.csv").read_bytes()
-    out = tmp_path / "deep" / "out"
-    names = ["..", "a\\b;c$(x)", "...hidden", "\u5e94\u53d8"]
-    for name in names:
-        (tmp_path / f"{name}.csv").write_bytes(raw)
-        assert main(["read", str(tmp_path / f"{name}.csv"), "--out", str(out)]) == 0
-    files = [p for p in (tmp_path / "deep").rglob("*") if p.is_file()]
-    assert all(p.parent == out for p in files)
-    assert all(p.name.isascii() and p.name[0].isalnum() for p in files)

@@ -37,13 +37,21 @@ def test_simulate_warns_in_a_line_of_what_the_model_does_not_know(tmp_path, caps
     assert capsys.readouterr().err.splitlines() == [
         "softnn: far: strain beyond 0 to 1, which the model was made from",
         "softnn: near, far: unknown to the model by name; own values of that recording "
-        "are off (it knows known, other)",
+        "are off (it knows known, other; --like NAME takes those of one)",
     ]
     starts = [
         pd.read_csv(tmp_path / "out" / f"{n}.csv")["simulated_MPa"][0]
         for n in ("known", "near", "far")
     ]
     assert starts == [0.1, 0.0, 0.0]
+    assert main(["simulate", model, *files, "--out", out, "--like", "other"]) == 0
+    assert "unknown" not in capsys.readouterr().err
+    again = pd.read_csv(tmp_path / "out" / "near.csv")["simulated_MPa"][0]
+    assert again == 0.2
+    assert main(["simulate", model, *files, "--out", out, "--like", "othr"]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "did you mean 'other'?" in told
 
 
 def test_simulate_is_quiet_where_nothing_is_unknown(tmp_path, capsys):

@@ -8,6 +8,7 @@ import pytest
 
 from softnn.cli import main
 from softnn.mismatch.api import to_case
+from softnn.readers.tidy import read_folder
 
 TIME = np.linspace(0, 30, 240)
 STRAIN = 0.5 * (1 - np.abs(TIME / 15 - 1))
@@ -52,6 +53,7 @@ REFUSED = {
     "strain of 50 per cent": (text(strain=100 * STRAIN), "per cent"),
     "a dead channel": (text(stress=0 * STRESS + 0.2), "channel connected"),
     "zero stress": (text(stress=0 * STRESS), "channel connected"),
+    "a stress of next to nothing": (text(stress=1e-300 * STRESS), "channel connected"),
     "a clock that stands": (text(time=0 * TIME), "clock"),
     "time backwards": (text(time=TIME[::-1]), "goes backwards"),
     "text in a number": (rows(lambda r: [*r[:9], "1,x,2", *r[9:]]), "not a number"),
@@ -103,6 +105,23 @@ def test_noted_for_the_report(content, said, tmp_path):
     file.write_text(content)
     assert any(said in note for note in to_case([file]).notes)
     assert to_case([file], as_is=True).notes == ()
+
+
+def test_a_case_toml_is_told_what_it_may_name(tmp_path, capsys):
+    """A stored model is an option of the command, no key of the case."""
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "mine.CSV").write_text(text())
+    (tmp_path / "case.toml").write_text('model = "model.json"\n')
+    told = refused(["diagnose", tmp_path, "--out", tmp_path / "out"], capsys)
+    assert "--model FILE" in told
+    assert "or a model.json" not in told
+
+
+def test_a_case_folder_is_read_by_all(tmp_path):
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "mine.CSV").write_text(text())
+    (one,) = read_folder(tmp_path)
+    assert one.name == "mine"
 
 
 def test_the_recording_itself_is_neither(tmp_path):
@@ -188,6 +207,42 @@ def test_a_corrupted_export_is_refused(
     file.write_bytes(corrupt(original.read_bytes()))
     told = refused(["diagnose", file, "--out", tmp_path / "out", *options], capsys)
     assert file.stem in told
+
+
+# Files as their machines wrote them, which hold no test of a soft material, or not all
+# that one needs; `said` is what settles it.
+AS_THEY_ARE = {
+    "a row a cycle": ("instron_wavematrix/Test1.steps.trends.csv", [], "tracking.csv"),
+    "a log": ("instron_wavematrix/Test1.log", [], "tracking.csv"),
+    "a side-car": ("instron_wavematrix/Test6.specimen.txt", [], "tracking.csv"),
+    "a wire of steel": ("walter_bai/Exemple_WB100kN_2_Tract_L100_D2.csv",
+                        ["--length", "100", "--diameter", "2"], "--as-is"),
+    "invar": ("zwick_tra/Invar_LT_05_01.TRA", [], "--as-is"),
+    "a sweep of frequency": ("gabo_eplexor/freq_Eplexor_raw.xls", [], "static test"),
+    "a clock that jumps": ("zwick_de/DX56_D_FZ2_WR00_43.TXT", [], "--interval"),
+    "no length in a workbook": ("zwick_xlsx/Traction-10_cryo.XLSX", [], "--length"),
+    "no sizes, both at once": ("shimadzu/Exemple_Shimadzu_Tract_L100_D2.csv", [],
+                               "--area MM2, or --width MM and --thickness MM, or "
+                               "--diameter MM; and --length MM"),
+    "the wrong decimal mark": ("instron_bluehill_eu/Tensile_test_PE.csv",
+                               ["--decimal", ".", *SIZES], "decimal point"),
+    "shear of an adhesive in Pa": ("ta_dma850/shear_relaxation_raw.xls", [], "MPa"),
+    "no section": ("ta_trios/leap-comp-4.txt", [], "--area"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "options", "said"), AS_THEY_ARE.values(),
+                         ids=AS_THEY_ARE)  # fmt: skip
+def test_a_file_that_is_no_such_test_is_refused(
+    name, options, said, data_folder, tmp_path, capsys
+):
+    file = data_folder / "machine-formats" / name
+    if not file.is_file():
+        pytest.skip("SOFTNN_DATA has no machine-formats")
+    told = refused(["diagnose", file, "--out", tmp_path / "out", *options], capsys)
+    assert said in told
+    assert file.stem.split(".")[0] in told
+    assert not list((tmp_path / "out").rglob("*.json"))
 
 
 # -- the folder to write into ----------------------------------------------------------

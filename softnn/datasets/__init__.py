@@ -7,13 +7,12 @@ fetched set is a folder with `original/` as published, `tidy/` as softnn reads i
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import shutil
 import tempfile
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -21,12 +20,11 @@ from urllib.parse import quote
 from softnn.contracts import InputError, nearest
 from softnn.database import Lock
 from softnn.readers import read
-from softnn.readers.tidy import data_folder
+from softnn.readers.tidy import data_folder, write_index
 
 MANIFEST = Path(__file__).with_name("manifest.toml")
 MIRROR = "https://raw.githubusercontent.com"
 SOURCE = "source.json"  # in the folder of a set: its origin, and every file's hash
-COLUMNS = ("file", "material", "test", "rate_per_s", "specimen")
 TIMEOUT_S = 30.0
 
 __all__ = ["Published", "PublishedSet", "fetch", "published", "published_set", "verify"]
@@ -167,7 +165,7 @@ def _check_there(name: str, folder: Path) -> None:
 
 def _put_together(chosen: PublishedSet, folder: Path, mirror: str) -> None:
     (folder / "tidy").mkdir(parents=True)
-    rows = []
+    made = {}
     for file in chosen.files:
         url = f"{mirror}/{chosen.repository}/{chosen.commit}/{quote(file.path)}"
         original = _download(url, file.sha256, folder / "original" / file.name)
@@ -177,10 +175,9 @@ def _put_together(chosen: PublishedSet, folder: Path, mirror: str) -> None:
                 raise InputError(f"read as {dialect}, not as {file.reader}", file=url)
             tidy = f"tidy/{recording.name.replace(' ', '_')}.csv"
             recording.to_frame().to_csv(folder / tidy, index=False, float_format="%.9g")
-            rate, specimen = recording.rate_per_s or "", recording.specimen
-            rows.append((tidy, chosen.material, file.test, rate, specimen))
-    with (folder / "index.csv").open("w", newline="", encoding="utf-8") as index:
-        csv.writer(index).writerows([COLUMNS, *rows])
+            about: dict[str, Any] = {"material": chosen.material, "test": file.test}
+            made[tidy] = replace(recording, **about)
+    write_index(folder, made)
     told = {
         "set": chosen.name,
         "address": chosen.address,

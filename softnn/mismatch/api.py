@@ -8,15 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from softnn import readers
 from softnn.contracts import InputError, nearest
 from softnn.mismatch import diagnosis
 from softnn.mismatch.case import ABOUT, HISTORIES, Case, check_sizes, read_case
 from softnn.mismatch.diagnosis import Diagnosis
 from softnn.model_file import Stored, read_model
-from softnn.plausible import check_plausible
+from softnn.plausible import check_plausible, scattered, understood
 from softnn.readers.tidy import read_folder
 from softnn.recording import Recording
 
@@ -62,6 +60,7 @@ def plausible(case: Case, as_is: bool = False) -> Case:
     if as_is:
         return case
     notes = [n for r in case.recordings for n in check_plausible(r)]
+    notes += [] if case.groups() else scattered(case.recordings)
     return replace(case, notes=(*case.notes, *notes))
 
 
@@ -73,13 +72,25 @@ def _read_case(
         if not folder.is_dir() or _is_case(folder):
             return read_case(folder)
         case = _case(read(folder, **given), folder.resolve().name)
-        used = {f.name for f in _files(folder)} | set(ABOUT)
-        left = [f.name for f in sorted(folder.iterdir()) if f.is_file()]
-        notes = tuple(f"{n}: not a kind of file read" for n in left if n not in used)
-        return replace(case, folder=folder, notes=notes)
+        return replace(case, folder=folder, notes=tuple(_left_out(folder, case)))
     files = [Path(f) for f in path]
     name = files[0].stem if len(files) == 1 else files[0].resolve().parent.name
     return _case([r for f in files for r in readers.read(f, **given)], name)
+
+
+def _left_out(folder: Path, case: Case) -> list[str]:
+    """Notes on files of a folder that were not read; pictures are not told of."""
+    used = {Path(r.source).name for r in case.recordings} | set(ABOUT)
+    listed = (folder / "index.csv").is_file()
+    notes = []
+    for file in sorted(folder.iterdir()):
+        if not file.is_file() or file.name in used or file.suffix == ".png":
+            continue
+        if file.suffix.lower() not in FILES:
+            notes.append(f"{file.name}: not a kind of file read")
+        elif listed:
+            notes.append(f"{file.name}: not listed in index.csv, so not read")
+    return notes
 
 
 def inferred(case: Case, model: str | None = None) -> list[str]:
@@ -87,14 +98,8 @@ def inferred(case: Case, model: str | None = None) -> list[str]:
     lines = []
     for r in case.recordings:
         read_ = next((s.arguments for s in r.log if s.name == "read"), {})
-        low, high = np.nanmin(r.strain), np.nanmax(r.strain)
-        way = "tension" if high > -low else "compression"
-        lines.append(
-            f"{r.name}: {len(r)} samples, {r.time_s[-1] - r.time_s[0]:.4g} s, strain "
-            f"{low:.3g} to {high:.3g} ({way}), stress {np.nanmin(r.stress_MPa):.3g} to "
-            f"{np.nanmax(r.stress_MPa):.3g} MPa, read as "
-            f"{read_.get('dialect', 'tidy CSV')}"
-        )
+        dialect = read_.get("dialect", "tidy CSV")
+        lines.append(f"{r.name}: {dialect}, {len(r)} samples, {understood(r)}")
     specimens = len(set(case.specimen.values())) or 1
     base = model or case.model
     if base is None:

@@ -124,6 +124,12 @@ def _about(path: Path) -> dict:
                 )
         elif not isinstance(value, str):
             raise InputError(f"{key} is {value!r}; it must be a text", file=path)
+        elif key == "model" and value not in BASES:
+            raise InputError(
+                f"model is {value!r}{nearest(value, BASES)}; allowed here: "
+                f"{', '.join(BASES)}. A stored model is named with --model FILE",
+                file=path,
+            )
     history = about.get("history", "fresh")
     if history not in HISTORIES:
         raise InputError(

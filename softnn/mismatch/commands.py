@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from softnn.contracts import Chunk, InputError
+from softnn.contracts import Chunk, InputError, nearest
 from softnn.json_file import plain, write
 from softnn.models.units import BASES
 from softnn.readers.arguments import add_options, options_of
@@ -73,6 +73,12 @@ def add_simulate(commands: Any) -> None:
     parser.add_argument("model", metavar="MODEL.json")
     parser.add_argument("recordings", nargs="+", metavar="RECORDING.csv")
     parser.add_argument("--out", required=True, metavar="DIR")
+    parser.add_argument(
+        "--like",
+        metavar="NAME",
+        help="with what the model knows of this one of its recordings alone (its slip, "
+        "its offset), whatever the file is called",
+    )
     parser.add_argument(
         "--as-is", action="store_true", help="take implausible numbers as they stand"
     )
@@ -166,6 +172,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     from softnn.mismatch.histories import (
         beyond,
         check_reach,
+        known_by_name,
         outside,
         read_history,
     )
@@ -199,8 +206,17 @@ def simulate(arguments: argparse.Namespace) -> int:
         measured.append(frame.get(axes.stress.column))
     if not arguments.as_is:
         check_reach(model, stems, chunks)
-    stress = model.stress(stems, chunks, given)
-    for line in beyond(model, stems, chunks):
+    called = stems
+    if arguments.like is not None:
+        known = known_by_name(model)
+        if arguments.like not in known:
+            raise InputError(
+                f"--like is {arguments.like!r}{nearest(arguments.like, known)}; the "
+                f"model knows {', '.join(known) or 'no recording by name'}"
+            )
+        called = [arguments.like] * len(stems)
+    stress = model.stress(called, chunks, given)
+    for line in beyond(model, stems, chunks, arguments.like is None):
         print(f"softnn: {line}", file=sys.stderr)
     for file, chunk, s, m in zip(files, chunks, stress, measured, strict=True):
         table: dict[str, Any] = {

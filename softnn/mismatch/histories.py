@@ -30,8 +30,22 @@ def outside(flags: Any) -> str:
     return f", {total} outside the training" + (f" ({by})" if total else "")
 
 
-def beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[str]:
-    """What a corrected model does not know of these recordings, in a line each."""
+def known_by_name(model: Any) -> list[str]:
+    """Recordings that a corrected model has values of their own of."""
+    own: set[str] = set()
+    while isinstance(model, Stored):
+        own |= {n for piece in model.own for values in piece.values() for n in values}
+        model = model.simulation
+    return sorted(own)
+
+
+def beyond(
+    model: Any, names: Sequence[str], chunks: Sequence[Chunk], by_name: bool = True
+) -> list[str]:
+    """What a corrected model does not know of these recordings, in a line each.
+
+    `by_name`: whether values of single recordings are looked up by their names.
+    """
     if not isinstance(model, Stored):
         return []
     lines = []
@@ -49,15 +63,12 @@ def beyond(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> list[st
             f"{_some(far)}: {axis.name} beyond {low:.4g} to {high:.4g}{unit}, which "
             "the model was made from"
         )
-    own: set[str] = set()
-    while isinstance(model, Stored):
-        own |= {n for piece in model.own for values in piece.values() for n in values}
-        model = model.simulation
+    own = known_by_name(model)
     new = [name for name in names if name not in own]
-    if own and new:
+    if own and new and by_name:
         lines.append(
             f"{_some(new)}: unknown to the model by name; own values of that recording "
-            f"are off (it knows {_some(sorted(own))})"
+            f"are off (it knows {_some(own)}; --like NAME takes those of one)"
         )
     return lines
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from softnn.effects import effect
 from softnn.mismatch import locate
-from softnn.mismatch.posterior import SURE
+from softnn.mismatch.posterior import NAMED, SURE
 from softnn.mismatch.verdict import Told
 from softnn.report.phrases import listed, opened, percent, plain
 
@@ -27,9 +27,12 @@ def summary(result: dict[str, Any], told: Told) -> str:
             f"is noise ({noise})."
         )
     if told.verdict == "unexplained":
+        chance, which = probable.nothing_named, "that is on no list"
+        if chance < NAMED:  # an effect leads, and takes away too little to be it
+            chance, which = 1 - probable.nothing, "that no effect known here explains"
         return (
-            f"Something is missing that is on no list ({_sure(probable.nothing_named)})"
-            f": {missed}{_structure(result)}{_nearest(told)}"
+            f"Something is missing {which} ({_sure(chance)}): {missed}"
+            f"{_structure(result)}{_nearest(told)}"
         )
     if locate.only_loading(told.engine) and not told.few:
         return (

@@ -14,6 +14,7 @@ import io
 import math
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -64,13 +65,17 @@ def read_folder(
 ) -> list[Recording]:
     """Recordings of a folder: as its `index.csv` lists them, else every CSV, by name.
 
+    Of a case those in its `recordings`.
+
     Raises `InputError` for the first file that cannot be read; where `unusable` is
     given such files of an index are passed over, and it says why, by name there.
     """
     folder = Path(folder)
     index = folder / "index.csv"
     if not index.is_file():
-        files = sorted(folder.glob("*.csv"))
+        inner = folder / "recordings"
+        inner = inner if inner.is_dir() else folder
+        files = sorted(f for f in inner.iterdir() if f.suffix.lower() == ".csv")
         if not files:
             raise InputError("no index.csv and no CSV file in it", file=folder)
         return [read_tidy(file) for file in files]
@@ -109,6 +114,28 @@ def read_folder(
     if not recordings and not unusable:
         raise InputError("no rows; it lists no recording", file=index)
     return recordings
+
+
+def write_index(folder: Path, recordings: Mapping[str, Recording]) -> None:
+    """Say in `folder`/index.csv of what each file is; rows of other files stay.
+
+    `recordings` by file name there.
+    """
+    index = folder / "index.csv"
+    rows: dict[str, dict[str, str]] = {}
+    if index.is_file():
+        header, *cells = [c for _, c in _cells(index)]
+        found = [dict(zip(header, c, strict=False)) for c in cells]
+        rows = {r["file"]: r for r in found if "file" in r}
+    for name, one in recordings.items():
+        rate = "" if one.rate_per_s is None else f"{one.rate_per_s:.9g}"
+        about = {k: getattr(one, k) for k in ("specimen", "material", "test")}
+        rows[name] = {"file": name, **about, "rate_per_s": rate}
+    columns = list(dict.fromkeys(c for r in rows.values() for c in r))
+    with index.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, restval="")
+        writer.writeheader()
+        writer.writerows(rows.values())
 
 
 def read_tidy(path: str | Path, **about: object) -> Recording:

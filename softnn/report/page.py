@@ -12,6 +12,7 @@ import numpy as np
 from softnn.axes import Axes
 from softnn.contracts import Array, Effect
 from softnn.effects import effect
+from softnn.plausible import understood
 from softnn.recording import Recording
 from softnn.report import where
 from softnn.report.phrases import listed, number, percent, plain
@@ -91,7 +92,7 @@ def contents(found: Found) -> dict[str, Any]:
         ),
         "regions": sorted(result["mismatch"], key=lambda r: -r["share"])[:ROWS],
         "regions_left": max(len(result["mismatch"]) - ROWS, 0),
-        "considered": _considered(result),
+        "considered": _considered(result, len(case.recordings) > 1),
         "readings": _readings(result),
         "programmes": _programmes(result),
         "explanations": [_explained(e) for e in result["explanations"]],
@@ -110,13 +111,12 @@ def _about(r: Recording) -> dict[str, Any]:
     return {
         "name": r.name,
         "samples": len(r),
-        "seconds": float(r.time_s[-1] - r.time_s[0]),
-        "strain": [float(np.nanmin(r.strain)), float(np.nanmax(r.strain))],
-        "stress": [float(np.nanmin(r.stress_MPa)), float(np.nanmax(r.stress_MPa))],
+        "understood": understood(r),
+        "specimen": r.specimen,
     }
 
 
-def _considered(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _considered(result: Mapping[str, Any], several: bool) -> list[dict[str, Any]]:
     """Every effect that was tried, and why it is not the answer, or that it is."""
     rows = result["candidates"]
     base = next(r["heldout_nrmse"] for r in rows if r["effect"] is None)
@@ -136,7 +136,8 @@ def _considered(result: Mapping[str, Any]) -> list[dict[str, Any]]:
         elif name in same:
             why = f"cannot be told from {plain(same[name])} here"
         elif error > WORSE * base:
-            why = "foretells recordings left out no better than the base alone"
+            what = "recordings" if several else "what was"
+            why = f"foretells {what} left out no better than the base alone"
         elif row is best or best["effect"] is None:
             why = "too little gained, or not clearly enough, for its numbers"
         else:

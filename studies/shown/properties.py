@@ -262,7 +262,7 @@ def virtual_report(one: dict[str, Any]) -> str:
                     *(f"{at[k]['found']:.3g} / {at[k]['published']:g}" for k in keys),
                 ]
             )
-        text += [f"### {title}", common.markdown(["", *keys], lines)]
+        text += [f"### {title}", common.markdown(["material, test", *keys], lines)]
     listed = [r for r in one["rows"] if abs(r["deviation"]) > LISTED]
     text.append(f"### Above {LISTED:.0%}: {len(listed)} of {len(one['rows'])}")
     text += [

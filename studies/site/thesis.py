@@ -1,0 +1,337 @@
+"""The thesis, chapter by chapter: its tables beside what the studies find.
+
+Ours are of virtual specimens, which were calibrated to Tables 4.1 to 4.4, so that
+agreement there is no measurement; figures of real recordings stand apart, named.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from softnn.materials import MATERIALS, table
+from softnn.study.common import markdown, percent
+from softnn.study.tendon_match import Row
+from studies.shown import properties, realtime, tendon
+
+RESULTS = Path(__file__).parents[1] / "results"
+PL = ("PL-SLS", "PL-Wiechert")
+CAUTION = (
+    "*Published* is as printed; *found* is of virtual specimens, made up to be like "
+    "the published ones, never of the recordings behind the thesis, which were not "
+    "published."
+)
+
+
+def result(name: str) -> Row:
+    """What `studies/results/NAME.json` holds."""
+    return dict(json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8")))
+
+
+def pages() -> dict[str, str]:
+    """Markdown of every chapter, by path."""
+    made = {f"thesis/chapter-{n}.md": make() for n, make in CHAPTERS.items()}
+    made["thesis/index.md"] = _index()
+    return made
+
+
+def _index() -> str:
+    return "\n\n".join(
+        [
+            "# The thesis, chapter by chapter",
+            "*Modelling and Characterization of Soft Materials for Bio-inspired "
+            "Series-elastic Actuators* (PhD thesis, 2020) measured seven materials, "
+            "fitted piecewise-linear viscoelastic models and small networks to them, "
+            "and asked what they are worth in an actuator. Each page has its tables, "
+            "what softnn finds, and the command that finds it.",
+            CAUTION,
+            *(
+                f"- [{make.__doc__.splitlines()[0]}](chapter-{n}.md)"
+                for n, make in CHAPTERS.items()
+                if make.__doc__
+            ),
+        ]
+    )
+
+
+def _chapter(title: str | None, says: str, study: Sequence[str], *parts: str) -> str:
+    commands = "\n".join(f"python -m studies.{s}" for s in study)
+    return "\n\n".join(
+        [
+            f"# {title}",
+            says,
+            CAUTION,
+            *parts,
+            "## The commands",
+            f"```\n{commands}\n```",
+        ]
+    )
+
+
+def printed(id: str) -> str:
+    """A published table as it is, with its units and what is odd in it."""
+    t = table(id)
+    plain = [k for r in t.rows for k in r if k not in t.units]
+    keys = list(dict.fromkeys([*plain, *t.units]))
+    rows = [[_cell(r.get(k)) for k in keys] for r in t.rows]
+    heads = [_head(k, t.units.get(k, "")) for k in keys]
+    return "\n\n".join([f"## Table {id}: {t.what}", markdown(heads, rows), remarks(id)])
+
+
+def _head(key: str, unit: str) -> str:
+    """A column's name with its unit; "specimens at 50 mm/min" is both."""
+    unit, name = unit.split(",")[0], key.replace("_", " ")
+    if unit.startswith(name.split()[0]):
+        return unit
+    return f"{name} [{unit}]" if unit else name
+
+
+def remarks(id: str) -> str:
+    """What is odd in a published table."""
+    return "\n".join(f"- {note}" for note in table(id).notes)
+
+
+def _cell(value: Any) -> str | None:
+    if isinstance(value, list):
+        return " to ".join(f"{v:g}" for v in value)
+    return value if value is None or isinstance(value, str) else f"{value:g}"
+
+
+def gait() -> str:
+    """3 Ranges of motion, as a designer needs them"""
+    body = result("gait")
+    rows = [
+        [n["studies"], "; ".join(f"{a:g} to {b:g}" for a, b in n["ranges"]) or None]
+        for n in body["by_studies"]
+    ]
+    head, strip = body["headline"], body["strip"]
+    return _chapter(
+        gait.__doc__,
+        "Clinical studies of walking give the knee's range by age group; where several "
+        "agree, an assistive device can be laid out.",
+        ["gait"],
+        printed("3.1"),
+        "## What studies agree on",
+        f"Ages {head['group_low']:g} to {head['group_high']:g}; degrees of the knee.",
+        markdown(["studies that all contain it", "range [degree]"], rows),
+        f"A strip on a pulley of {strip['radius_mm']:.3g} mm is then strained by "
+        f"{strip['strain_range']:.3g}, and at 50 turns a minute by "
+        f"{strip['rate_at_50_rpm_per_s']:.3g} a second: "
+        f"{strip['rate_over_fastest_test']:.3g} times the fastest tensile test of the "
+        "thesis.",
+    )
+
+
+def characterization() -> str:
+    """4 Seven materials, pulled and held"""
+    body = result("properties")
+    head = body["headline"]
+    real = [k for k, v in body.items() if isinstance(v, dict) and "tensile" in v]
+    return _chapter(
+        characterization.__doc__,
+        "Tensile tests to failure at up to three speeds and stress relaxation give "
+        "each material's elastic and viscous properties, after eight steps of "
+        "preparation (`softnn.prepare`).",
+        ["virtual_specimens", "properties"],
+        printed("4.1"),
+        f"Of {head['virtual_properties']} properties of Tables 4.2 and 4.4, "
+        f"{percent(head['virtual_within_10_percent'], 0)} lie within 10 % of the "
+        f"published; {head['virtual_above_25_percent']} do not lie within 25 %.",
+        properties.virtual_report(body["virtual"]),
+        "## What is odd in Table 4.2",
+        remarks("4.2"),
+        printed("4.3"),
+        "## What is odd in Table 4.4",
+        remarks("4.4"),
+        "The same properties of real recordings (" + ", ".join(real) + ") are in "
+        "`studies/results/properties.json`, or as text from the command.",
+    )
+
+
+def piecewise() -> str:
+    """5 Piecewise-linear viscoelastic models"""
+    best = {m["material"]: m for m in result("accuracy")["materials"]}
+    rates = {m["material"]: m for m in result("rates")["materials"]}
+    one, two, three = [], [], []
+    for name in MATERIALS:
+        for model in PL:
+            b = best[name]["best"][model]
+            p = b["published"]
+            one.append(
+                [
+                    f"{name}, {model}",
+                    percent(p["nrmse"]),
+                    percent(b["nrmse"]),
+                    p["segments"],
+                    b["segments"],
+                    p["branches"],
+                    b["branches"],
+                ]
+            )
+            r = rates[name]["models"][model]
+            two.append(
+                [
+                    f"{name}, {model}",
+                    percent(r["published"]),
+                    percent(r["as_in_thesis"]["generalisation_error"]),
+                    percent(r["any_reading"]["generalisation_error"]),
+                    percent(r["joint"] and r["joint"]["nrmse_over_rates"]),
+                    percent(
+                        r["each_rate_from_the_others"]
+                        and r["each_rate_from_the_others"]["nrmse"]
+                    ),
+                ]
+            )
+    for path in sorted(RESULTS.glob("rates-*.json")):
+        for m in result(path.stem)["materials"]:
+            for model in PL:
+                r = m["models"][model]
+                three.append(
+                    [
+                        m["label"],
+                        model,
+                        percent(r["as_in_thesis"]["generalisation_error"]),
+                        percent(r["joint"] and r["joint"]["nrmse_over_rates"]),
+                        percent(
+                            r["each_rate_from_the_others"]
+                            and r["each_rate_from_the_others"]["nrmse"]
+                        ),
+                    ]
+                )
+    fitted = "springs and branches fitted to all rates together"
+    apart = "each rate foretold from the others"
+    return _chapter(
+        piecewise.__doc__,
+        "A spring whose stiffness is a step function of strain, beside one Maxwell "
+        "branch (PL-SLS) or several (PL-Wiechert); the branches are read off "
+        "relaxation tests, the springs off one tensile test. Errors are NRMSE.",
+        ["segments", "accuracy", "rates", "branches"],
+        "## Table 5.1: how well can one curve be described?",
+        markdown(
+            [
+                "material and model",
+                "NRMSE published",
+                "found",
+                "segments published",
+                "found",
+                "branches published",
+                "found",
+            ],
+            one,
+        ),
+        remarks("5.1"),
+        "## Table 5.2: rates never fitted",
+        markdown(
+            [
+                "material and model",
+                "published",
+                "found, as in the thesis",
+                "any reading of the branches",
+                fitted,
+                apart,
+            ],
+            two,
+        ),
+        remarks("5.2"),
+        "## Real recordings",
+        markdown(["recordings", "model", "as in the thesis", fitted, apart], three),
+    )
+
+
+def networks() -> str:
+    """6 Small neural networks"""
+    body, inputs = result("neurons-all"), result("inputs")["headline"]
+    rows = []
+    for m in body["materials"]:
+        h, name = m["headline"], m["material"]
+        p = table("6.6").row(material=name, model="ANN")
+        rows.append(
+            [
+                name,
+                f"{p['neurons']}",
+                f"{h['neurons']}",
+                f"{p['generalisation_error']:g} %",
+                percent(h["nrmse_random"]),
+                percent(h["nrmse_specimen"]),
+                percent(h["nrmse_rate"]),
+                percent(h["nrmse_pl_wiechert_specimen"]),
+                percent(h["nrmse_pl_wiechert_rate"]),
+            ]
+        )
+    kinds = [k.removeprefix("nrmse_random_") for k in inputs if "nrmse_random_" in k]
+    return _chapter(
+        networks.__doc__,
+        "Networks of one hidden layer of 1 to 20 neurons, by Bayesian regularisation "
+        "and ten-fold cross-validation. Folds drawn at random put neighbours in time "
+        "on both sides, so they tell how well a network interpolates: whole specimens "
+        "and whole rates left out stand beside.",
+        ["inputs", "neurons", "regularisation"],
+        "## Section 6.4.1: which inputs?",
+        markdown(
+            ["inputs", "random folds", "rates never seen"],
+            [
+                [
+                    k,
+                    percent(inputs[f"nrmse_random_{k}"]),
+                    percent(inputs[f"nrmse_rate_{k}"]),
+                ]
+                for k in kinds
+            ],
+        ),
+        printed("6.2"),
+        "## Table 6.6: how many neurons?",
+        markdown(
+            [
+                "material",
+                "neurons published",
+                "found",
+                "random folds published",
+                "found",
+                "specimens never seen",
+                "rates never seen",
+                "PL-Wiechert, specimens",
+                "PL-Wiechert, rates",
+            ],
+            rows,
+        ),
+        remarks("6.6"),
+    )
+
+
+def actuator() -> str:
+    """7 A tendon of strips, and networks in real time"""
+    strips, real, loop = result("tendon"), result("realtime"), result("actuator")
+    return _chapter(
+        actuator.__doc__,
+        "How many strips are as stiff as a human tendon, what a network answers to a "
+        "sine in real time, and what a controller loses by each model of the strips.",
+        ["tendon", "realtime", "actuator", "survivor"],
+        printed("7.1"),
+        "## Table 7.2: strips as stiff as a tendon\n\nFound:",
+        tendon.report(strips),
+        "Published:",
+        printed("7.2").split("\n\n", 1)[1],
+        "## Section 7.3: networks fed with a sine",
+        realtime.report(real),
+        "Networks that survive cycles are in [the survivor](../survivor.md).",
+        printed("7.3"),
+        "## Section 7.4: in the loop",
+        markdown(
+            ["model of the strips", "rms error of the torque", "largest"],
+            [
+                [m["model"], percent(m["rms_error"]), percent(m["largest_error"], 1)]
+                for m in loop["models"]
+            ],
+        ),
+    )
+
+
+CHAPTERS: dict[int, Callable[[], str]] = {
+    3: gait,
+    4: characterization,
+    5: piecewise,
+    6: networks,
+    7: actuator,
+}
