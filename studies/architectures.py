@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Any
 
 from softnn.contracts import InputError
-from softnn.neural import ARCHITECTURES
 from softnn.search import Finished, Range, Value
 from softnn.study.common import guarded, plain, save_figure, write_result
 from softnn.study.material_data import Data, prepared
@@ -50,6 +49,7 @@ from studies.architectures_report import (
 )
 from studies.architectures_trials import (
     A_TIME,
+    INPUTS,
     LAGS,
     ONE_SAMPLE,
     TRAINING,
@@ -60,7 +60,7 @@ from studies.architectures_trials import (
     unseen_split,
 )
 
-DEFAULTS = Settings(samples=200)  # neighbours in time say the same thing twice
+DEFAULTS = Settings(samples=100)  # neighbours in time say the same thing twice
 TRIALS = 300
 BEST = Path(__file__).with_name("best")
 CODE = (Path(__file__).with_name("architectures_trials.py"),)
@@ -83,7 +83,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         settings = settings_of(arguments, DEFAULTS)
         if arguments.trials < 1:
             raise InputError(f"trials is {arguments.trials}; at least 1 is needed")
-        usual = replace(DEFAULTS, material=settings.material, data=settings.data)
+        usual = replace(
+            DEFAULTS,
+            material=settings.material,
+            data=settings.data,
+            cycles=settings.cycles,
+        )
         places = places_of(arguments, published=settings == usual)
         if arguments.smoke:
             run(smoked(settings), places, min(arguments.trials, 6))
@@ -139,7 +144,7 @@ def study(
     unseen = unseen_split(trainer)
     seeds = [settings.seed, settings.seed + 1]
     space: dict[str, Sequence[Value] | Range] = {
-        "inputs": list(ARCHITECTURES),
+        "inputs": list(INPUTS),
         "neurons": settings.neurons,
         "regularisation": ["bayesian", "early-stopping", "l2"],
         "closed_form": ["bayesian", "l2"],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softnn.neural import ARCHITECTURES
+from softnn.neural import architecture_of
 from softnn.search import Finished
 from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure, percent
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 USES = ("random", "unseen")  # the order of the objectives
 WORDS = {"rate": "by unseen rate", "recording": "by unseen recording"}
-SHAPES = "osD^vP*"
+SHAPES = "osD^vP*h"
 BESIDE = {"PL-SLS": "X", "PL-Wiechert": "P", "gradient": "s"}
 FACES = {"as in the thesis": "white", "any reading of the holds": "#bbbbbb"}
 WORST = 2.0  # NRMSE beyond which nothing is drawn
@@ -111,7 +111,7 @@ def words(trial: Finished) -> str:
     text = f"{chosen['inputs']}, {count} neuron{'s' * (count != 1)}, {how}"
     if chosen["lag_s"] is not None:
         return f"{text}, lag {chosen['lag_s']:.2g} s"
-    lagged = ARCHITECTURES[chosen["inputs"]].lagged
+    lagged = architecture_of(chosen["inputs"]).lagged
     return f"{text}, lag one sample" if lagged else text
 
 
@@ -237,8 +237,9 @@ def draw(found: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
-    colours = [*COLOURS, INK]
-    for i, name in enumerate(ARCHITECTURES):
+    colours = [*COLOURS, INK, FAINT]
+    names = dict.fromkeys(t["inputs"] for t in one["trials"])
+    for i, name in enumerate(names):
         mine = [t for t in one["trials"] if t["inputs"] == name]
         whole = [t for t in mine if t["stopped_after"] is None]
         rest = [t for t in mine if t["stopped_after"] is not None]

@@ -40,6 +40,7 @@ class Settings:
     samples: int | None = None  # a recording, at most; None: as described in `prepared`
     lag_s: float | None = None  # of past inputs; None: one sample, as published
     as_is: bool = False  # take implausible numbers as they stand
+    cycles: bool = False  # whole recordings of those that unload, not first loadings
 
     def __post_init__(self) -> None:
         one_of("inputs", self.inputs, ARCHITECTURES)
@@ -67,6 +68,8 @@ class Settings:
             parts.append(Path(self.data).stem)
         if self.material not in (None, "NatPolR"):
             parts.append(slug(str(self.material)))
+        if self.cycles:
+            parts.append("cycles")
         return "-".join(parts)
 
 
@@ -112,11 +115,17 @@ def study_parser(
         help="of past inputs (one sample, as published)",
     )
     add("--as-is", action="store_true", help="take implausible numbers as they stand")
+    add(
+        "--cycles",
+        action="store_true",
+        help="whole recordings of those that unload, not first loadings alone",
+    )
     add("--folds", type=int, default=defaults.folds, help="of a random split")
     add("--fraction", type=float, default=defaults.fraction, help="of the samples")
     add(
         "--samples",
         type=int,
+        default=defaults.samples,
         help="a recording, at most, at equal strain steps (virtual: as Table 6.2; "
         f"real: {MOST_SAMPLES})",
     )

@@ -45,6 +45,10 @@ WHAT = {
 }
 
 
+# Parts of softnn.neural that no trial runs: they keep and serve what it trained.
+AFTER = ("estimator", "guard", "recurrent", "served", "stored")
+
+
 class Sweep:
     """The trials of one study on one material: stored by Optuna, mirrored in MLflow.
 
@@ -347,9 +351,12 @@ def describe(parameters: Mapping[str, Any]) -> str:
 def _code() -> tuple[Path, ...]:
     """The files whose change would change a trial's result, data apart."""
     package = Path(softnn.__file__).parent
+    network = [
+        f for f in sorted((package / "neural").glob("*.py")) if f.stem not in AFTER
+    ]
     single = [
         package / "crossval.py",
         package / "metrics.py",
         Path(__file__).with_name("trainer.py"),
     ]
-    return (*sorted((package / "neural").glob("*.py")), *single)
+    return (*network, *single)
