@@ -19,17 +19,19 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from softnn.contracts import InputError
-from softnn.search import Finished, Range, Value
+from softnn.search import Finished, Range, Result, Value
 from softnn.study.common import guarded, plain, save_figure, write_result
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     Places,
     Settings,
+    add_worker,
     places_of,
     settings_of,
     smoked,
@@ -54,8 +56,10 @@ from studies.architectures_trials import (
     ONE_SAMPLE,
     TRAINING,
     WEIGHTS,
+    Ahead,
     Judge,
     conditions,
+    judged,
     opening,
     unseen_split,
 )
@@ -77,6 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         action="store_true",
         help="write the ends of each front to studies/best, for the tests to hold",
     )
+    add_worker(made)
     arguments = made.parse_args(argv)
 
     def work() -> None:
@@ -106,14 +111,19 @@ def run(
     materials = prepared(settings)
     for data in materials:
         try:
-            found.append(study(data, settings, places, trials))
+            told = study(data, settings, places, trials)
+            if told is None:
+                continue
+            found.append(told)
             if keep_best:
-                keep(found[-1], data, settings)
+                keep(told, data, settings)
         except InputError as reason:
             if len(materials) == 1:
                 raise
             skipped[data.label] = str(reason)
             print(f"\n{data.label}: left out: {reason}")
+    if places.worker:
+        return {}
     if not found:
         raise InputError(f"no material can be judged: {'; '.join(skipped.values())}")
     name = settings.file_name("architectures")
@@ -138,7 +148,7 @@ def run(
 
 def study(
     data: Data, settings: Settings, places: Places, trials: int
-) -> dict[str, Any]:
+) -> dict[str, Any] | None:
     """One material: the search, the front, the choice for each use, the sentence."""
     trainer = Trainer(data, settings, TRAINING)
     unseen = unseen_split(trainer)
@@ -158,7 +168,7 @@ def study(
         Sweep(
             "architectures", data, settings, space, places, trials + 2, 2, trainer, CODE
         ) as sweep,
-        Judge(trainer, unseen) as judge,
+        judge_of(trainer, unseen, places) as judge,
     ):
         tried = list(
             sweep.explore(
@@ -168,6 +178,8 @@ def study(
                 when=conditions(differenced),
             )
         )
+        if places.worker:
+            return None
         best = choices(tried)
         anew = {
             use: sweep.run(
@@ -217,6 +229,25 @@ def study(
     if from_store:
         print(from_store)
     return found
+
+
+class OneByOne(Judge):
+    """Trials in this process: others on the same search have cores of their own."""
+
+    def __enter__(self) -> OneByOne:
+        return self
+
+    def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
+        done: Future[Result] = Future()
+        about = self.trainer.data, self.trainer.settings, self.unseen
+        done.set_result(judged(*about, chosen, ahead))
+        return done
+
+
+def judge_of(trainer: Trainer, unseen: str, places: Places) -> Judge:
+    """Side by side where the search is this process's alone."""
+    kind = Judge if places.storage.startswith("sqlite") else OneByOne
+    return kind(trainer, unseen)
 
 
 def keep(found: Mapping[str, Any], data: Data, settings: Settings) -> Path:

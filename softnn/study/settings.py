@@ -81,6 +81,7 @@ class Places:
     tracking: str
     results: Path
     fresh: bool
+    worker: bool = False  # does trials of a study that another process leads
 
 
 def study_parser(
@@ -129,11 +130,20 @@ def study_parser(
         help="a recording, at most, at equal strain steps (virtual: as Table 6.2; "
         f"real: {MOST_SAMPLES})",
     )
-    add("--storage", help=f"Optuna (sqlite:///{RUNS}/optuna.db)")
+    add("--storage", help=f"Optuna (sqlite:///{RUNS}/optuna.db; postgresql+psycopg:)")
     add("--tracking", help=f"MLflow (sqlite:///{RUNS}/mlflow.db)")
     add("--out", type=Path, metavar="FOLDER", help="for the result and its figures")
     add("--fresh", action="store_true", help="start over; forget finished trials")
     return made
+
+
+def add_worker(made: Parser) -> None:
+    """The option of studies that several processes can carry out."""
+    made.add_argument(
+        "--worker",
+        action="store_true",
+        help="do trials of a study whose --storage is a database server, no more",
+    )
 
 
 def settings_of(
@@ -169,6 +179,9 @@ def smoked(settings: Settings) -> Settings:
 
 def places_of(arguments: argparse.Namespace, published: bool = True) -> Places:
     """Where to keep things: the project's results only if they are `published`."""
+    worker = getattr(arguments, "worker", False)
+    if worker and (arguments.fresh or arguments.smoke):
+        raise InputError("a --worker starts nothing over; leave out --fresh, --smoke")
     home = runs_folder(arguments.smoke)
     results = results_folder(arguments.smoke) if published else home / "results"
     return Places(
@@ -176,6 +189,7 @@ def places_of(arguments: argparse.Namespace, published: bool = True) -> Places:
         tracking=database(arguments.tracking, arguments.smoke),
         results=arguments.out or results,
         fresh=arguments.fresh or arguments.smoke,
+        worker=worker,
     )
 
 
