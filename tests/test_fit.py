@@ -175,21 +175,6 @@ def test_moves_are_made_on_top_of_what_a_simulation_has_beyond_its_stand_in():
     assert np.abs(change).max() > 0.01
 
 
-def test_blind_is_the_fit_with_the_columns_free():
-    rng = np.random.default_rng(1)
-    extra = np.sin(3 * TIME)
-    stress = 2.0 * STRAIN + 0.3 * extra + 0.01 * rng.standard_normal(len(TIME))
-    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (stress,)))
-    hooke = Units("hooke", (0.0, 1.0))
-    with engine.blind(extra[:, None]):
-        found = fit(engine, Guess(hooke, np.ones(1)))
-    both = np.linalg.lstsq(np.stack([STRAIN, extra], axis=1), stress, rcond=None)
-    assert found.guess.stiffness[0] == pytest.approx(both[0][0], rel=1e-9)
-    assert found.chi2 == pytest.approx(float(both[1][0]), rel=1e-9)
-    # Outside, the columns are seen again.
-    assert fit(engine, found.guess).chi2 > 10 * found.chi2
-
-
 def test_span_leaves_out_columns_that_depend_on_others():
     x = np.random.default_rng(2).standard_normal((40, 3))
     q = span(np.column_stack([x, x @ [1.0, 2.0, -1.0], np.zeros(40)]))
