@@ -84,9 +84,10 @@ class Search:
                 f"storage {storage!r} is a file; workers share a database server, such "
                 "as --storage postgresql+psycopg://user@host/softnn"
             )
+        self._backend: optuna.storages.BaseStorage | None = None
         self._lock = None if worker else _lock(storage, name)
         try:
-            backend = _backend(storage, heartbeat_s)
+            self._backend = backend = _backend(storage, heartbeat_s)
             if fresh:
                 known = optuna.get_all_study_names(backend)
                 if name in known:
@@ -121,6 +122,9 @@ class Search:
     def _release(self) -> None:
         if self._lock is not None:
             self._lock.release()
+        if self.on_server and isinstance(self._backend, optuna.storages.RDBStorage):
+            self._backend.remove_session()
+            self._backend.engine.dispose()  # connections are few, and others want them
 
     @property
     def finished(self) -> list[Finished]:
@@ -255,7 +259,10 @@ class Search:
     ) -> Finished:
         space = {name: distribution(self.space[name]) for name in names}
         self.study.sampler = sampler
-        return self._told(self.study.ask(space), objective)
+        with warnings.catch_warnings():  # this process leads: nobody waits for a beat
+            warnings.filterwarnings("ignore", "Heartbeat of storage")
+            trial = self.study.ask(space)
+        return self._told(trial, objective)
 
     def _told(self, trial: optuna.Trial, objective: Objective) -> Finished:
         try:

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import tempfile
@@ -54,7 +55,7 @@ def postgresql() -> Iterator[str]:
                 f"postgresql+psycopg://softnn@127.0.0.1:{port}/postgres", child
             )
         finally:
-            child.terminate()
+            child.send_signal(signal.SIGINT)  # at once, whoever is connected
             child.wait(30)
 
 
