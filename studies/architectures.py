@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, replace
@@ -198,16 +199,6 @@ def study(
         )
         said = sentence(data.label, unseen, best, anew, beside)
         headline = headline_of(tried, best, anew)
-        sweep.tracker.result(
-            {k: v for k, v in headline.items() if isinstance(v, int | float)},
-            note=f"{said}\n\n{table(tried, beside)}",
-            texts={"front.md": table(tried, beside)},
-            tags={"best": sweep_name(best)},
-        )
-        for use, one in best.items():
-            alias = "best-random" if use == "random" else "best-unseen-rate"
-            chosen = one.trial.result["configuration"]
-            sweep.register(trainer.whole(chosen), [alias])
         found = {
             "material": data.material,
             "label": data.label,
@@ -224,6 +215,19 @@ def study(
             "seconds": sweep.seconds,
             "study_key": sweep.key,
         }
+        with tempfile.TemporaryDirectory() as aside:
+            pictures = save_figure(draw([found]), "front", Path(aside))
+            sweep.tracker.result(
+                {k: v for k, v in headline.items() if isinstance(v, int | float)},
+                note=f"{said}\n\n{table(tried, beside)}",
+                files=pictures,
+                texts={"front.md": table(tried, beside)},
+                tags={"best": sweep_name(best)},
+            )
+        for use, one in best.items():
+            alias = "best-random" if use == "random" else "best-unseen-rate"
+            chosen = one.trial.result["configuration"]
+            sweep.register(trainer.whole(chosen), [alias])
         from_store = sweep.from_store()
     print(f"\n{said}\n\n{table(tried, beside)}")
     if from_store:

@@ -8,7 +8,6 @@ recordings come first.
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -16,8 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from softnn.study.common import RESULTS, RUNS, guarded, markdown, parser, percent
-from studies.architectures_report import USES, paired
+from softnn.study.common import (
+    RESULTS,
+    RUNS,
+    guarded,
+    markdown,
+    parser,
+    percent,
+    save_figure,
+)
+from studies.architectures_report import USES, described, draw, paired
 
 ROOT = Path(__file__).resolve().parents[1]
 MARK = "<!-- made by python -m studies.architectures_page -->"
@@ -32,7 +39,7 @@ MADE = (
 INTRO = """Which network to take: two answers a material, for samples of recordings one
 has and for what was never seen, each beside the best that is no network.
 [The page](docs/architectures.md) has the rest."""
-COMMAND = "python -m studies.architectures --material all"
+COMMAND = "python -m studies.architectures"
 
 Result = Mapping[str, Any]
 
@@ -54,12 +61,11 @@ def make(results: Path, folder: Path) -> Path:
     (docs / "figures").mkdir(parents=True, exist_ok=True)
     parts = ["# Which network for which use", MADE]
     parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
-    for file, found in files.items():
+    for name, found in sections(files).items():
+        save_figure(draw(found["materials"]), name, docs / "figures")
+        (docs / "figures" / f"{name}.svg").unlink()  # a point a trial: no smaller
         parts += [f"## {title_of(found)}", run_of(found)]
-        picture = file.with_suffix(".png")
-        if picture.exists():
-            shutil.copyfile(picture, docs / "figures" / picture.name)
-            parts.append(f"![both errors of every trial](figures/{picture.name})")
+        parts.append(f"![both errors of every trial](figures/{name}.png)")
         for one in found["materials"]:
             parts += [f"### {one['label']}", one["sentence"] + worse(one), table(one)]
         parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
@@ -80,6 +86,22 @@ def result_files(results: Path) -> dict[Path, Result]:
     return dict(sorted(found.items(), key=lambda f: (is_virtual(f[1]), f[0])))
 
 
+def sections(files: Mapping[Path, Result]) -> dict[str, Result]:
+    """Results by the name of their figure: the virtual materials are one."""
+    found = {file.stem: one for file, one in files.items() if not is_virtual(one)}
+    virtual = [one for one in files.values() if is_virtual(one)]
+    if virtual:
+        seconds = [one["headline"]["study_s"] for one in virtual]
+        whole = None if None in seconds else sum(seconds)
+        found["architectures-virtual"] = {
+            **virtual[0],
+            "materials": [m for one in virtual for m in one["materials"]],
+            "left_out": {k: v for one in virtual for k, v in one["left_out"].items()},
+            "headline": {"study_s": whole},
+        }
+    return found
+
+
 def is_virtual(found: Result) -> bool:
     return bool(found["settings"]["data"] == "virtual")
 
@@ -88,7 +110,8 @@ def title_of(found: Result) -> str:
     given = found["settings"]
     if is_virtual(found):
         return "Virtual specimens of the materials of the thesis"
-    return f"Real recordings: {given['data']}"
+    cycles = ", whole cycles" if given["cycles"] else ""
+    return f"Real recordings{cycles}: {given['data']}"
 
 
 def run_of(found: Result) -> str:
@@ -112,7 +135,8 @@ def summary(found: Iterable[Result]) -> str:
     rows = []
     for file in found:
         for one in file["materials"]:
-            row = [one["material"], "virtual" if is_virtual(file) else "real"]
+            kind = "virtual" if is_virtual(file) else file["settings"]["data"]
+            row = [one["material"], kind + ", cycles" * file["settings"]["cycles"]]
             for use in USES:
                 chosen = one["choices"][use]
                 row.append(chosen["words"])
@@ -176,7 +200,7 @@ def pm(errors: np.ndarray) -> str:
 def table(one: Result) -> str:
     """The front and what stands beside it."""
     rows = [
-        [name_of(t), percent(t["random"]), percent(t["unseen"])] for t in one["front"]
+        [described(t), percent(t["random"]), percent(t["unseen"])] for t in one["front"]
     ]
     for model in one["baselines"]:
         cells = [
@@ -185,11 +209,6 @@ def table(one: Result) -> str:
         ]
         rows.append([model["model"], *cells])
     return markdown(["model", "random folds", f"unseen {one['unseen']}"], rows)
-
-
-def name_of(row: Result) -> str:
-    lag = "" if row["lag_s"] is None else f", lag {row['lag_s']:.2g} s"
-    return f"{row['inputs']}, {row['neurons']} neurons, {row['regularisation']}{lag}"
 
 
 def with_table(text: str, made: str) -> str:

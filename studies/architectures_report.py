@@ -103,7 +103,11 @@ def paired(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
 
 def words(trial: Finished) -> str:
     """A configuration in a few words."""
-    chosen = trial.result["configuration"]
+    return described(trial.result["configuration"])
+
+
+def described(chosen: Mapping[str, Any]) -> str:
+    """The same of a configuration, or of a row of the result file."""
     count = chosen["neurons"]
     how = chosen["regularisation"]
     if how.startswith("l2="):
@@ -145,7 +149,12 @@ def _of_use(
     judged = "by random folds" if use == "random" else WORDS[unseen]
     error = _pm(float(mine.mean()), spread(anew, use))
     text = f"{means} take {one.words} ({error} {judged}; "
-    if one.ties > 1:
+    if one.ties > 1 and one.trial.number == one.best.number:
+        text += (
+            f"the best, and {one.ties - 1} tie with it; fewest neurons of the tie "
+            f"{one.fewest}"
+        )
+    elif one.ties > 1:
         gap, within = paired(folds(one.trial, use), folds(one.best, use))
         text += (
             f"a tie of {one.ties} with the best, {words(one.best)}, which is ahead by "
