@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(a: argparse.Namespace) -> None:
     if a.smoke:  # no server: what one process in a file stands
-        killed = {KINDS[1]: killing(None, 1, 3, 4, a.seed)}
+        killed = {KINDS[1]: killing(None, 1, 1, 4, a.seed)}
         written([], killed, a)
         return
     if not a.server or a.server.startswith("sqlite"):
