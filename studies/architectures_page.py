@@ -61,14 +61,17 @@ def make(results: Path, folder: Path) -> Path:
     (docs / "figures").mkdir(parents=True, exist_ok=True)
     parts = ["# Which network for which use", MADE]
     parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
+    lacks = lacks_of(results)
     for name, found in sections(files).items():
         save_figure(draw(found["materials"]), name, docs / "figures")
         (docs / "figures" / f"{name}.svg").unlink()  # a point a trial: no smaller
         parts += [f"## {title_of(found)}", run_of(found)]
         parts.append(f"![both errors of every trial](figures/{name}.png)")
         for one in found["materials"]:
-            parts += [f"### {one['label']}", one["sentence"] + worse(one), table(one)]
+            said = one["sentence"] + worse(one) + lacks.get(one["label"], "")
+            parts += [f"### {one['label']}", said, table(one)]
         parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
+    parts += augmented(results)
     page = docs / "architectures.md"
     page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     readme = folder / "README.md"
@@ -185,6 +188,49 @@ def worse(one: Result) -> str:
         f" **{rival['model']} foretells what was never seen better than any network "
         f"tried**, by {percent(gap, 1)}: take it there."
     )
+
+
+def lacks_of(results: Path) -> dict[str, str]:
+    """What a diagnosis says that the network lacks, by material: see `studies.lacks`."""
+    file = results / "lacks.json"
+    if not file.exists():
+        return {}
+    found = json.loads(file.read_text(encoding="utf-8"))["materials"]
+    return {
+        label: f" Of {one['unseen']}, where it is worst, a diagnosis of the network "
+        f"({one['network']}; `python -m studies.lacks`) says: {one['summary']}"
+        for label, one in found.items()
+    }
+
+
+def augmented(results: Path) -> list[str]:
+    """What simulated recordings beside measured ones are worth."""
+    file = results / "augmentation.json"
+    if not file.exists():
+        return []
+    found = json.loads(file.read_text(encoding="utf-8"))
+    head = found["headline"]
+    rows = [
+        [
+            row["label"],
+            row["inputs"],
+            row["unseen"],
+            pm(np.array(row["without"])),
+            pm(np.array(row["with"])),
+            f"{100 * row['gain']:.1f} +- {100 * row['gain_error']:.1f} %",
+        ]
+        for row in found["networks"]
+    ]
+    header = ["material", "inputs", "unseen", "without", "with", "gain, paired"]
+    return [
+        "## Recordings simulated by a fitted model, added to training",
+        f"{found['neurons']} neurons, Bayesian regularisation, by what was never seen "
+        "(section 8.3 of the thesis; `python -m studies.augmentation`). By more than "
+        f"one standard error over folds it helps {head['helped']} and harms "
+        f"{head['harmed']} of {head['networks']} networks.",
+        markdown(header, rows),
+        *(f"Left out: {label}: {why}" for label, why in found["left_out"].items()),
+    ]
 
 
 def pm(errors: np.ndarray) -> str:

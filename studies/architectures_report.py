@@ -246,6 +246,8 @@ def draw(found: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
+    from matplotlib.ticker import LogLocator
+
     colours = [*COLOURS, INK, FAINT]
     names = dict.fromkeys(t["inputs"] for t in one["trials"])
     for i, name in enumerate(names):
@@ -280,6 +282,7 @@ def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
     axes.set_title(one["label"], fontsize=8)
