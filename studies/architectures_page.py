@@ -191,7 +191,7 @@ def worse(one: Result) -> str:
 
 
 def lacks_of(results: Path) -> dict[str, str]:
-    """What a diagnosis says that the network lacks, by material: see `studies.lacks`."""
+    """What the network lacks, by a diagnosis, by material: see `studies.lacks`."""
     file = results / "lacks.json"
     if not file.exists():
         return {}

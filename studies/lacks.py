@@ -117,10 +117,8 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
     network = StoredNetwork(
         trained.network, chosen["inputs"], chosen["lag_s"], seen_of(data, held)
     )
-    some = [held[i] for i in np.unique(np.linspace(0, len(held) - 1, MOST).astype(int))]
-    case = Case(
-        data.file_name, tuple(data.tensile[i] for i in some[: 1 if smoke else None])
-    )
+    some = np.unique(np.linspace(0, len(held) - 1, most).astype(int))
+    case = Case(data.file_name, tuple(data.tensile[held[i]] for i in some))
     told = diagnose(case, network)
     return {
         "network": one["choices"]["unseen"]["words"],
