@@ -14,6 +14,7 @@ def row(inputs, neurons, random, unseen):
         "neurons": neurons,
         "regularisation": "bayesian",
         "lag_s": None,
+        "stopped_after": None,
         "random": sum(random) / len(random),
         "unseen": sum(unseen) / len(unseen),
         "folds_random": random,
@@ -26,7 +27,7 @@ def result(data, material, unseen):
     best = row("FFRI1", 3, [0.05, 0.07], unseen)
     chosen = {"words": "FFRI1, 3 neurons, bayesian", "anew": best}
     return {
-        "settings": {"data": data, "folds": 2, "samples": 200},
+        "settings": {"data": data, "folds": 2, "samples": 200, "cycles": False},
         "machine": "m, 2 cores",
         "made": "2026-01-01",
         "headline": {"study_s": 12.0},
@@ -71,7 +72,7 @@ def test_real_recordings_come_first_and_figures_are_those_of_the_files(written):
     assert text.index("### VHB, tape") < text.index("### NR, virtual")
     cells = [re.sub(r" +", " ", line) for line in text.splitlines()]
     assert [c for c in cells if c.startswith(("| VHB", "| NR"))] == [
-        "| VHB | real | FFRI1, 3 neurons, bayesian | 6.0 +- 1.0 % | gradient-boosted "
+        "| VHB | tape | FFRI1, 3 neurons, bayesian | 6.0 +- 1.0 % | gradient-boosted "
         "trees 10.0 % | FFRI1, 3 neurons, bayesian | 60.0 +- 10.0 % | PL-SLS 25.0 % |",
         "| NR | virtual | FFRI1, 3 neurons, bayesian | 6.0 +- 1.0 % | gradient-boosted "
         "trees 10.0 % | FFRI1, 3 neurons, bayesian | 11.0 +- 1.0 % | PL-SLS 25.0 % |",
@@ -98,7 +99,7 @@ def test_readme_has_the_table_between_its_marks(written):
 
 def test_without_results_the_page_names_the_command(tmp_path):
     text = make(tmp_path, tmp_path).read_text()
-    assert "Not run: `python -m studies.architectures --material all`" in text
+    assert "Not run: `python -m studies.architectures`" in text
 
 
 def test_the_page_of_the_project_is_that_of_its_results(tmp_path):

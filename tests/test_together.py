@@ -107,7 +107,7 @@ def test_a_grid_on_a_server_goes_on(server):
 
 
 def test_a_trial_that_kills_is_not_tried_for_ever(server):
-    from softnn.together import DEATHS
+    from softnn.search.together import DEATHS
 
     def submit(parameters, known):
         raise RuntimeError("boom")

@@ -22,7 +22,7 @@ from optuna.trial import TrialState
 
 from softnn.contracts import InputError
 from softnn.database import server_lock
-from softnn.draws import Draws, Finished, Result, Value, When
+from softnn.search.draws import Draws, Finished, Result, Value, When
 
 if TYPE_CHECKING:
     from softnn.search import Search

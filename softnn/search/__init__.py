@@ -29,7 +29,7 @@ from softnn.database import (
     shown,
     sqlite_file,
 )
-from softnn.draws import (
+from softnn.search.draws import (
     Draws,
     Finished,
     Given,
@@ -51,10 +51,10 @@ class Search:
     """An Optuna study of objectives to be minimised.
 
     Use it as a context. It is open for one process; in a database server for any number
-    of others that are `worker`s, for `explore` (see `softnn.together`). `name` must
-    change with anything that changes results (data, settings, seed): trials under one
-    name are never run again. `storage` is an SQLAlchemy address; missing folders of an
-    SQLite file are made.
+    of others that are `worker`s, for `explore` (see `softnn.search.together`). `name`
+    must change with anything that changes results (data, settings, seed): trials under
+    one name are never run again. `storage` is an SQLAlchemy address; missing folders of
+    an SQLite file are made.
 
     `space` declares every parameter: the values it can take, or a `Range`.
 
@@ -209,7 +209,7 @@ class Search:
         In a database server its workers take part, and order is by who ends first.
         """
         if self.on_server:
-            from softnn.together import together
+            from softnn.search.together import together
 
             yield from together(self, submit, trials, first, when)
             return
