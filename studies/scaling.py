@@ -6,12 +6,14 @@ The joint study on few samples, its trials shared by one and by two processes th
 database server: how many are finished in a minute, and for what share of the time each
 process was at a trial, which is what queue and server leave of it. Then a study by one
 process in a file, and one by two on the server, are killed (-9) at random moments, five
-of them in the first five seconds, and started again: are trials lost, or done twice?
+of them in the first five seconds, the others soon after one to three more trials were
+finished, and started again: are trials lost, or done twice?
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
 import subprocess
@@ -26,6 +28,7 @@ from typing import Any
 
 from softnn.contracts import InputError
 from softnn.study.common import (
+    RESULTS,
     guarded,
     markdown,
     parser,
@@ -45,6 +48,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.scaling`; returns the exit code."""
     made = parser("scaling", __doc__)
     made.add_argument("--server", help="postgresql+psycopg://...; made tables stay")
+    made.add_argument(
+        "--kills-only", action="store_true", help="throughput as in the last result"
+    )
     made.add_argument("--trials", type=int, default=60, help="of each study (60)")
     made.add_argument("--kills", type=int, default=20, help="of each kind (20)")
     return guarded(lambda: run(made.parse_args(argv)))
@@ -57,7 +63,11 @@ def run(a: argparse.Namespace) -> None:
         return
     if not a.server or a.server.startswith("sqlite"):
         raise InputError("--server is needed, an address such as postgresql+psycopg:")
-    rows = [throughput(a.server, count, a.trials, a.seed) for count in (1, 2)]
+    if a.kills_only:
+        last = (RESULTS / "scaling.json").read_text(encoding="utf-8")
+        rows = json.loads(last)["throughput"]
+    else:
+        rows = [throughput(a.server, count, a.trials, a.seed) for count in (1, 2)]
     killed = {
         KINDS[1]: killing(None, 1, a.kills, a.trials, a.seed),
         KINDS[2]: killing(a.server, 2, a.kills, a.trials, a.seed),
@@ -147,11 +157,18 @@ def killing(
         before = newest(address)
         while done < kills:
             soon = done < EARLY
-            delay = rng.uniform(0, EARLY_S if soon else 3 * EARLY_S)
             children = [
                 started([*about, *["--worker"] * (i > 0)], folder) for i in range(count)
             ]
-            time.sleep(delay)
+            if soon:
+                time.sleep(rng.uniform(0, EARLY_S))
+            else:
+                more = len(kept) + rng.randint(1, 3)
+                while any(child.poll() is None for child in children):
+                    if len(trials_of(address, before)) >= more:
+                        break
+                    time.sleep(0.1)
+                time.sleep(rng.uniform(0, 1))
             if all(child.poll() is not None for child in children):
                 break
             for child in children:
