@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from softnn.search.draws import STARTUP
 from softnn.study.common import (
     RESULTS,
     RUNS,
@@ -34,7 +35,11 @@ MADE = (
     "was chosen is judged again: random folds and starting weights are drawn anew, the "
     "rates or recordings held out are those it was chosen by, so that error is a "
     "little flattered. Piecewise-linear models (PL) and boosted trees are fitted, and "
-    "chosen, on the training recordings of each fold alone."
+    "chosen, on the training recordings of each fold alone. A search begins with every "
+    "architecture at 4 and 12 neurons, Bayesian regularisation, and draws at random "
+    f"up to trial {STARTUP}; only then does the sampler follow the front. A search of "
+    "fewer trials compares architectures, and says little of neurons or of "
+    "regularisation."
 )
 INTRO = """Which network to take: two answers a material, for samples of recordings one
 has and for what was never seen, each beside the best that is no network.
