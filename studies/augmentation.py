@@ -37,7 +37,7 @@ from studies.architectures_report import paired
 from studies.architectures_trials import TRAINING, unseen_split
 
 NETWORKS = {"FFRD4": None, "FFH4": 1.0, "FFH7": 1.0}  # inputs and lag, s
-NEURONS, STARTS, SAMPLES = 4, 3, 60
+NEURONS, STARTS, SAMPLES = 4, 2, 40
 RATES, BEYOND = 8, 10.0  # simulated ramps, and how far beyond the rates that are known
 REAL = (
     "rubber-compression-relaxation",
@@ -74,17 +74,16 @@ def run(a: Any) -> None:
             known[data.label] = data.digest
             rows += found
             print(table(found), flush=True)
+            path = write_result(  # after each, so that what is finished is kept
+                "augmentation",
+                headline_of(rows),
+                {"networks": rows, "left_out": left_out, "neurons": NEURONS},
+                seed=a.seed,
+                data=known,
+                folder=results_folder(a.smoke),
+            )
     if not rows:
         raise InputError(f"nothing can be judged: {left_out}")
-    headline = headline_of(rows)
-    path = write_result(
-        "augmentation",
-        headline,
-        {"networks": rows, "left_out": left_out, "neurons": NEURONS},
-        seed=a.seed,
-        data=known,
-        folder=results_folder(a.smoke),
-    )
     print(f"\n{table(rows)}\n\nresult: {path}")
 
 
