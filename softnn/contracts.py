@@ -237,8 +237,6 @@ class Effect(ABC):
     # Whether the stress of a moment changes what comes out at that moment alone.
     pointwise: bool = True
     on_return: bool = False  # whether only strain that comes back can show it
-    # What other forms of it may depend on, besides its parameters: see `forms`.
-    bends: tuple[str, ...] = ("strain", "largest", "size", "lag")
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of what looks the same -> what tells them apart
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here

@@ -18,7 +18,7 @@ from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
 KEPT = 6  # strains that reached the model, last asked for
 ROOM = 3e7  # numbers that may be kept so, where recordings are many
 
-HIGHEST = 0.995  # correlation of neighbouring samples
+HIGHEST = 0.995, 1 - 1e-5  # correlation of samples at one time, of neighbouring ones
 Memory_s = Sequence[tuple[float, float]]  # (share of the variance, time in s), parts
 Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
 
@@ -89,7 +89,7 @@ class Engine:
         self._first = np.diff(self.owner, prepend=-1) != 0
         decay = np.exp(-np.maximum(step, 0.0) / tau[self.owner])
         # Samples at one time are not one sample.
-        self._decay = np.minimum(decay, HIGHEST)
+        self._decay = np.minimum(decay, np.where(step > 0, HIGHEST[1], HIGHEST[0]))
         own_share = share[self.owner]
         self._gain, self._scale = innovations(
             self._decay,
