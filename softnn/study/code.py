@@ -12,8 +12,10 @@ import softnn
 
 ROOT = Path(softnn.__file__).parents[1]
 OURS = ("softnn", "studies", "bench")
-# What is found is shown by these, not found: a word or a colour leaves figures as are.
+# These show what is found, or declare what things are: a word, a colour, another field
+# leaves figures as they are.
 SHOWING = ("report", "reporting", "page", "shown", "cli", "tracking", "pictures")
+DECLARING = ("contracts", "code")
 SEARCHING = "iter_modules"  # in a package that imports all it holds
 
 
@@ -45,7 +47,7 @@ def files_of(module: str) -> tuple[Path, ...]:
 
 def _shows(file: Path) -> bool:
     parts = file.relative_to(ROOT).with_suffix("").parts
-    return any(part.rpartition("_")[2] in SHOWING for part in parts[1:])
+    return any(part.rpartition("_")[2] in (*SHOWING, *DECLARING) for part in parts[1:])
 
 
 def _files(module: str) -> Iterator[Path]:
