@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--kills-only", action="store_true", help="throughput as in the last result"
     )
     made.add_argument("--trials", type=int, default=60, help="of each study (60)")
-    made.add_argument("--kills", type=int, default=20, help="of each kind (20)")
+    made.add_argument("--kills", type=int, default=20, help="of each kind (20), or 0")
     return guarded(lambda: run(made.parse_args(argv)))
 
 
@@ -69,8 +69,9 @@ def run(a: argparse.Namespace) -> None:
     else:
         rows = [throughput(a.server, count, a.trials, a.seed) for count in (1, 2)]
     killed = {
-        KINDS[1]: killing(None, 1, a.kills, a.trials, a.seed),
-        KINDS[2]: killing(a.server, 2, a.kills, a.trials, a.seed),
+        KINDS[count]: killing(where, count, a.kills, a.trials, a.seed)
+        for count, where in ((1, None), (2, a.server))
+        if a.kills
     }
     written(rows, killed, a)
 
@@ -83,9 +84,9 @@ def written(
         one, two = (row["trials_per_min"] for row in rows)
         headline["throughput_of_two"] = two / one
         headline["busy_of_two"] = rows[1]["busy"]
-    headline["kills"] = sum(k["kills"] for k in killed.values())
-    headline["lost"] = sum(k["lost"] for k in killed.values())
-    headline["twice"] = sum(k["twice"] for k in killed.values())
+    if killed:
+        for name in ("kills", "lost", "twice"):
+            headline[name] = sum(k[name] for k in killed.values())
     body = {"throughput": rows, "kills": killed, "trials": a.trials}
     path = write_result(
         "scaling", headline, body, seed=a.seed, folder=results_folder(a.smoke)
@@ -113,6 +114,8 @@ def report(rows: list[dict[str, Any]], killed: dict[str, Any]) -> str:
         ]
         header = ["processes", "trials a minute", "busy", "load of the machine"]
         parts.append(markdown(header, cells))
+    if not killed:
+        return "\n\n".join([*parts, "Kills were not measured in this run."])
     cells = [
         [kind, *(str(k[n]) for n in ("kills", "early", "trials", "lost", "twice"))]
         for kind, k in killed.items()
