@@ -82,7 +82,9 @@ def make(results: Path, folder: Path) -> Path:
     readme = folder / "README.md"
     if readme.exists() and files:
         text, made = readme.read_text(encoding="utf-8"), summary(files.values())
-        readme.write_text(with_table(text, f"{INTRO}\n\n{made}"), encoding="utf-8")
+        readme.write_text(
+            with_table(text, f"{INTRO}{helps(results)}\n\n{made}"), encoding="utf-8"
+        )
     return page
 
 
@@ -206,6 +208,19 @@ def lacks_of(results: Path) -> dict[str, str]:
         f"({one['network']}; `python -m studies.lacks`) says: {one['summary']}"
         for label, one in found.items()
     }
+
+
+def helps(results: Path) -> str:
+    """What simulated recordings are worth, in a sentence; nothing where not run."""
+    file = results / "augmentation.json"
+    if not file.exists():
+        return ""
+    head = json.loads(file.read_text(encoding="utf-8"))["headline"]
+    return (
+        "\nRecordings simulated by a piecewise-linear model, added to the training, help "
+        f"{head['helped']} of {head['networks']} networks at what was never seen and "
+        f"harm {head['harmed']}."
+    )
 
 
 def augmented(results: Path) -> list[str]:

@@ -97,6 +97,33 @@ def test_readme_has_the_table_between_its_marks(written):
     assert (home / "README.md").read_text() == readme
 
 
+def test_what_simulated_recordings_are_worth_is_said(written):
+    results, home, _ = written
+    row = {
+        "label": "VHB, tape",
+        "inputs": "FFH7",
+        "unseen": "rate",
+        "without": [0.5, 0.7],
+        "with": [0.2, 0.2],
+        "gain": 0.4,
+        "gain_error": 0.1,
+    }
+    found = {
+        "headline": {"networks": 1, "helped": 1, "harmed": 0},
+        "neurons": 4,
+        "networks": [row],
+        "left_out": {},
+    }
+    (results / "augmentation.json").write_text(json.dumps(found))
+    told = {"network": "FFRI1", "unseen": "0.1 /s", "summary": "slack is missing."}
+    lacks = {"materials": {"VHB, tape": told}}
+    (results / "lacks.json").write_text(json.dumps(lacks))
+    text = make(results, home).read_text()
+    assert "60.0 +- 10.0 % | 20.0 +- 0.0 % | 40.0 +- 10.0 %" in re.sub(" +", " ", text)
+    assert "Of 0.1 /s, where it is worst, a diagnosis of the network (FFRI1;" in text
+    assert "help 1 of 1 networks" in (home / "README.md").read_text()
+
+
 def test_without_results_the_page_names_the_command(tmp_path):
     text = make(tmp_path, tmp_path).read_text()
     assert "Not run: `python -m studies.architectures`" in text
