@@ -217,7 +217,7 @@ def helps(results: Path) -> str:
         return ""
     head = json.loads(file.read_text(encoding="utf-8"))["headline"]
     return (
-        "\nRecordings simulated by a piecewise-linear model, added to the training, help "
+        "\nRecordings simulated by a piecewise-linear model, added to training, help "
         f"{head['helped']} of {head['networks']} networks at what was never seen and "
         f"harm {head['harmed']}."
     )

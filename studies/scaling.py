@@ -172,11 +172,12 @@ def killing(
                         break
                     time.sleep(0.1)
                 time.sleep(rng.uniform(0, 1))
-            if all(child.poll() is not None for child in children):
-                break
+            ended = all(child.poll() is not None for child in children)
             for child in children:
                 child.kill()
                 child.communicate()
+            if ended:
+                break
             done, early = done + 1, early + soon
             now = set(trials_of(address, before))
             lost += len(kept - now)
