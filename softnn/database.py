@@ -1,13 +1,18 @@
-"""SQLite files: whole or not there; rows that are finished; locks that die with us."""
+"""SQLite files: whole or not there; rows that are finished; locks that die with us.
+
+Locks of a database server (PostgreSQL's advisory ones) hold over all its machines.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import json
 import os
 import sqlite3
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -135,3 +140,61 @@ def _lives(owner: Path) -> bool:
     except OSError:
         return not Path("/proc/self").exists()  # gone just now, or no Linux
     return fields[0] not in "ZX" and not int(fields[6]) & EXITING
+
+
+class ServerLock:
+    """The same for whoever uses a PostgreSQL server, which drops it with the process.
+
+    `waits`: for as long as another has it.
+    """
+
+    def __init__(self, address: str, what: str, waits: bool = False) -> None:
+        import sqlalchemy
+
+        self._engine = sqlalchemy.create_engine(
+            address, poolclass=sqlalchemy.pool.NullPool, isolation_level="AUTOCOMMIT"
+        )
+        number = int.from_bytes(hashlib.sha256(what.encode()).digest()[:8], signed=True)
+        call = "pg_advisory_lock" if waits else "pg_try_advisory_lock"
+        try:
+            self._held = self._engine.connect()
+            got = self._held.scalar(sqlalchemy.text(f"SELECT {call}({number})"))
+        except sqlalchemy.exc.SQLAlchemyError as error:
+            raise InputError(
+                f"storage {shown(address)} cannot be opened "
+                f"({str(error).splitlines()[0]})"
+            ) from None
+        if got is False:
+            self.release()
+            raise InputError(
+                f"{what} is being run by another process; wait for it to end, stop it, "
+                "or help it with --worker"
+            )
+
+    def release(self) -> None:
+        """Let others in; a second time does nothing."""
+        self._held.close()
+        self._engine.dispose()
+
+
+@contextlib.contextmanager
+def server_lock(address: str, what: str) -> Iterator[None]:
+    """One after another, where the address is a PostgreSQL server's."""
+    if not address.startswith("postgresql"):
+        yield
+        return
+    lock = ServerLock(address, what, waits=True)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def shown(address: str) -> str:
+    """An address without its password."""
+    import sqlalchemy
+
+    try:
+        return repr(sqlalchemy.make_url(address).render_as_string())
+    except sqlalchemy.exc.ArgumentError:
+        return repr(address)

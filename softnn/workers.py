@@ -1,4 +1,7 @@
-"""Processes for independent work: one BLAS thread each, gone when their parent is."""
+"""Processes for independent work: one BLAS thread each, gone when their parent is.
+
+Or those of a Dask cluster, on any number of machines.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,27 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 
+from softnn.contracts import InputError
+
+RETRIES = 3  # of work whose Dask worker died
+ANSWER_S = 15  # a scheduler is waited for
+
 
 @contextmanager
-def workers(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of `jobs` processes; what has not begun is dropped on the way out."""
+def workers(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
+    """A pool of `jobs` processes, or the workers of the Dask `scheduler` (tcp://...).
+
+    What has not begun is dropped on the way out. Raises `InputError` where no
+    scheduler answers.
+    """
+    if scheduler is not None:
+        with _cluster(scheduler) as executor:
+            yield executor
+        return
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     # Spawned, not forked: the parent may hold threads of BLAS or torch.
@@ -22,6 +38,26 @@ def workers(jobs: int) -> Iterator[ProcessPoolExecutor]:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _cluster(scheduler: str) -> Iterator[Executor]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError(
+            "--scheduler needs Dask, which is not installed: pip install "
+            "'softnn[servers]'"
+        ) from None
+    try:
+        client = Client(scheduler, timeout=ANSWER_S)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(
+            f"no Dask scheduler answers at {scheduler!r} ({error}); start one with "
+            "`dask scheduler`, workers with `dask worker`"
+        ) from None
+    with client, client.get_executor(pure=False, retries=RETRIES) as executor:
+        yield executor
 
 
 def attached() -> None:

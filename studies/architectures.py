@@ -18,19 +18,21 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from softnn.contracts import InputError
-from softnn.neural import ARCHITECTURES
-from softnn.search import Finished, Range, Value
+from softnn.search import Finished, Range, Result, Value
 from softnn.study.common import guarded, plain, save_figure, write_result
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     Places,
     Settings,
+    add_worker,
     places_of,
     settings_of,
     smoked,
@@ -50,17 +52,20 @@ from studies.architectures_report import (
 )
 from studies.architectures_trials import (
     A_TIME,
+    INPUTS,
     LAGS,
     ONE_SAMPLE,
     TRAINING,
     WEIGHTS,
+    Ahead,
     Judge,
     conditions,
+    judged,
     opening,
     unseen_split,
 )
 
-DEFAULTS = Settings(samples=200)  # neighbours in time say the same thing twice
+DEFAULTS = Settings(samples=100)  # neighbours in time say the same thing twice
 TRIALS = 300
 BEST = Path(__file__).with_name("best")
 CODE = (Path(__file__).with_name("architectures_trials.py"),)
@@ -77,13 +82,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         action="store_true",
         help="write the ends of each front to studies/best, for the tests to hold",
     )
+    add_worker(made)
     arguments = made.parse_args(argv)
 
     def work() -> None:
         settings = settings_of(arguments, DEFAULTS)
         if arguments.trials < 1:
             raise InputError(f"trials is {arguments.trials}; at least 1 is needed")
-        usual = replace(DEFAULTS, material=settings.material, data=settings.data)
+        usual = replace(
+            DEFAULTS,
+            material=settings.material,
+            data=settings.data,
+            cycles=settings.cycles,
+        )
         places = places_of(arguments, published=settings == usual)
         if arguments.smoke:
             run(smoked(settings), places, min(arguments.trials, 6))
@@ -101,14 +112,19 @@ def run(
     materials = prepared(settings)
     for data in materials:
         try:
-            found.append(study(data, settings, places, trials))
+            told = study(data, settings, places, trials)
+            if told is None:
+                continue
+            found.append(told)
             if keep_best:
-                keep(found[-1], data, settings)
+                keep(told, data, settings)
         except InputError as reason:
             if len(materials) == 1:
                 raise
             skipped[data.label] = str(reason)
             print(f"\n{data.label}: left out: {reason}")
+    if places.worker:
+        return {}
     if not found:
         raise InputError(f"no material can be judged: {'; '.join(skipped.values())}")
     name = settings.file_name("architectures")
@@ -133,13 +149,13 @@ def run(
 
 def study(
     data: Data, settings: Settings, places: Places, trials: int
-) -> dict[str, Any]:
+) -> dict[str, Any] | None:
     """One material: the search, the front, the choice for each use, the sentence."""
     trainer = Trainer(data, settings, TRAINING)
     unseen = unseen_split(trainer)
     seeds = [settings.seed, settings.seed + 1]
     space: dict[str, Sequence[Value] | Range] = {
-        "inputs": list(ARCHITECTURES),
+        "inputs": list(INPUTS),
         "neurons": settings.neurons,
         "regularisation": ["bayesian", "early-stopping", "l2"],
         "closed_form": ["bayesian", "l2"],
@@ -153,7 +169,7 @@ def study(
         Sweep(
             "architectures", data, settings, space, places, trials + 2, 2, trainer, CODE
         ) as sweep,
-        Judge(trainer, unseen) as judge,
+        judge_of(trainer, unseen, places) as judge,
     ):
         tried = list(
             sweep.explore(
@@ -163,6 +179,8 @@ def study(
                 when=conditions(differenced),
             )
         )
+        if places.worker:
+            return None
         best = choices(tried)
         anew = {
             use: sweep.run(
@@ -181,16 +199,6 @@ def study(
         )
         said = sentence(data.label, unseen, best, anew, beside)
         headline = headline_of(tried, best, anew)
-        sweep.tracker.result(
-            {k: v for k, v in headline.items() if isinstance(v, int | float)},
-            note=f"{said}\n\n{table(tried, beside)}",
-            texts={"front.md": table(tried, beside)},
-            tags={"best": sweep_name(best)},
-        )
-        for use, one in best.items():
-            alias = "best-random" if use == "random" else "best-unseen-rate"
-            chosen = one.trial.result["configuration"]
-            sweep.register(trainer.whole(chosen), [alias])
         found = {
             "material": data.material,
             "label": data.label,
@@ -207,11 +215,43 @@ def study(
             "seconds": sweep.seconds,
             "study_key": sweep.key,
         }
+        with tempfile.TemporaryDirectory() as aside:
+            pictures = save_figure(draw([found]), "front", Path(aside))
+            sweep.tracker.result(
+                {k: v for k, v in headline.items() if isinstance(v, int | float)},
+                note=f"{said}\n\n{table(tried, beside)}",
+                files=pictures,
+                texts={"front.md": table(tried, beside)},
+                tags={"best": sweep_name(best)},
+            )
+        for use, one in best.items():
+            alias = "best-random" if use == "random" else "best-unseen-rate"
+            chosen = one.trial.result["configuration"]
+            sweep.register(trainer.whole(chosen), [alias])
         from_store = sweep.from_store()
     print(f"\n{said}\n\n{table(tried, beside)}")
     if from_store:
         print(from_store)
     return found
+
+
+class OneByOne(Judge):
+    """Trials in this process: others on the same search have cores of their own."""
+
+    def __enter__(self) -> OneByOne:
+        return self
+
+    def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
+        done: Future[Result] = Future()
+        about = self.trainer.data, self.trainer.settings, self.unseen
+        done.set_result(judged(*about, chosen, ahead))
+        return done
+
+
+def judge_of(trainer: Trainer, unseen: str, places: Places) -> Judge:
+    """Side by side where the search is this process's alone."""
+    kind = Judge if places.storage.startswith("sqlite") else OneByOne
+    return kind(trainer, unseen)
 
 
 def keep(found: Mapping[str, Any], data: Data, settings: Settings) -> Path:

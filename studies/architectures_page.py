@@ -8,7 +8,6 @@ recordings come first.
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -16,8 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from softnn.study.common import RESULTS, RUNS, guarded, markdown, parser, percent
-from studies.architectures_report import USES, paired
+from softnn.search.draws import STARTUP
+from softnn.study.common import (
+    RESULTS,
+    RUNS,
+    guarded,
+    markdown,
+    parser,
+    percent,
+    save_figure,
+)
+from studies.architectures_report import USES, described, draw, paired
 
 ROOT = Path(__file__).resolve().parents[1]
 MARK = "<!-- made by python -m studies.architectures_page -->"
@@ -27,12 +35,16 @@ MADE = (
     "was chosen is judged again: random folds and starting weights are drawn anew, the "
     "rates or recordings held out are those it was chosen by, so that error is a "
     "little flattered. Piecewise-linear models (PL) and boosted trees are fitted, and "
-    "chosen, on the training recordings of each fold alone."
+    "chosen, on the training recordings of each fold alone. A search begins with every "
+    "architecture at 4 and 12 neurons, Bayesian regularisation, and draws at random "
+    f"up to trial {STARTUP}; only then does the sampler follow the front. A search of "
+    "fewer trials compares architectures, and says little of neurons or of "
+    "regularisation."
 )
 INTRO = """Which network to take: two answers a material, for samples of recordings one
 has and for what was never seen, each beside the best that is no network.
 [The page](docs/architectures.md) has the rest."""
-COMMAND = "python -m studies.architectures --material all"
+COMMAND = "python -m studies.architectures"
 
 Result = Mapping[str, Any]
 
@@ -54,21 +66,25 @@ def make(results: Path, folder: Path) -> Path:
     (docs / "figures").mkdir(parents=True, exist_ok=True)
     parts = ["# Which network for which use", MADE]
     parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
-    for file, found in files.items():
+    lacks = lacks_of(results)
+    for name, found in sections(files).items():
+        save_figure(draw(found["materials"]), name, docs / "figures")
+        (docs / "figures" / f"{name}.svg").unlink()  # a point a trial: no smaller
         parts += [f"## {title_of(found)}", run_of(found)]
-        picture = file.with_suffix(".png")
-        if picture.exists():
-            shutil.copyfile(picture, docs / "figures" / picture.name)
-            parts.append(f"![both errors of every trial](figures/{picture.name})")
+        parts.append(f"![both errors of every trial](figures/{name}.png)")
         for one in found["materials"]:
-            parts += [f"### {one['label']}", one["sentence"] + worse(one), table(one)]
+            said = one["sentence"] + worse(one) + lacks.get(one["label"], "")
+            parts += [f"### {one['label']}", said, table(one)]
         parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
+    parts += augmented(results)
     page = docs / "architectures.md"
     page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     readme = folder / "README.md"
     if readme.exists() and files:
         text, made = readme.read_text(encoding="utf-8"), summary(files.values())
-        readme.write_text(with_table(text, f"{INTRO}\n\n{made}"), encoding="utf-8")
+        readme.write_text(
+            with_table(text, f"{INTRO}{helps(results)}\n\n{made}"), encoding="utf-8"
+        )
     return page
 
 
@@ -80,6 +96,22 @@ def result_files(results: Path) -> dict[Path, Result]:
     return dict(sorted(found.items(), key=lambda f: (is_virtual(f[1]), f[0])))
 
 
+def sections(files: Mapping[Path, Result]) -> dict[str, Result]:
+    """Results by the name of their figure: the virtual materials are one."""
+    found = {file.stem: one for file, one in files.items() if not is_virtual(one)}
+    virtual = [one for one in files.values() if is_virtual(one)]
+    if virtual:
+        seconds = [one["headline"]["study_s"] for one in virtual]
+        whole = None if None in seconds else sum(seconds)
+        found["architectures-virtual"] = {
+            **virtual[0],
+            "materials": [m for one in virtual for m in one["materials"]],
+            "left_out": {k: v for one in virtual for k, v in one["left_out"].items()},
+            "headline": {"study_s": whole},
+        }
+    return found
+
+
 def is_virtual(found: Result) -> bool:
     return bool(found["settings"]["data"] == "virtual")
 
@@ -88,7 +120,8 @@ def title_of(found: Result) -> str:
     given = found["settings"]
     if is_virtual(found):
         return "Virtual specimens of the materials of the thesis"
-    return f"Real recordings: {given['data']}"
+    cycles = ", whole cycles" if given["cycles"] else ""
+    return f"Real recordings{cycles}: {given['data']}"
 
 
 def run_of(found: Result) -> str:
@@ -112,7 +145,8 @@ def summary(found: Iterable[Result]) -> str:
     rows = []
     for file in found:
         for one in file["materials"]:
-            row = [one["material"], "virtual" if is_virtual(file) else "real"]
+            kind = "virtual" if is_virtual(file) else file["settings"]["data"]
+            row = [one["material"], kind + ", cycles" * file["settings"]["cycles"]]
             for use in USES:
                 chosen = one["choices"][use]
                 row.append(chosen["words"])
@@ -163,6 +197,62 @@ def worse(one: Result) -> str:
     )
 
 
+def lacks_of(results: Path) -> dict[str, str]:
+    """What the network lacks, by a diagnosis, by material: see `studies.lacks`."""
+    file = results / "lacks.json"
+    if not file.exists():
+        return {}
+    found = json.loads(file.read_text(encoding="utf-8"))["materials"]
+    return {
+        label: f" Of {one['unseen']}, where it is worst, a diagnosis of the network "
+        f"({one['network']}; `python -m studies.lacks`) says: {one['summary']}"
+        for label, one in found.items()
+    }
+
+
+def helps(results: Path) -> str:
+    """What simulated recordings are worth, in a sentence; nothing where not run."""
+    file = results / "augmentation.json"
+    if not file.exists():
+        return ""
+    head = json.loads(file.read_text(encoding="utf-8"))["headline"]
+    return (
+        "\nRecordings simulated by a piecewise-linear model, added to training, help "
+        f"{head['helped']} of {head['networks']} networks at what was never seen and "
+        f"harm {head['harmed']}."
+    )
+
+
+def augmented(results: Path) -> list[str]:
+    """What simulated recordings beside measured ones are worth."""
+    file = results / "augmentation.json"
+    if not file.exists():
+        return []
+    found = json.loads(file.read_text(encoding="utf-8"))
+    head = found["headline"]
+    rows = [
+        [
+            row["label"],
+            row["inputs"],
+            row["unseen"],
+            pm(np.array(row["without"])),
+            pm(np.array(row["with"])),
+            f"{100 * row['gain']:.1f} +- {100 * row['gain_error']:.1f} %",
+        ]
+        for row in found["networks"]
+    ]
+    header = ["material", "inputs", "unseen", "without", "with", "gain, paired"]
+    return [
+        "## Recordings simulated by a fitted model, added to training",
+        f"{found['neurons']} neurons, Bayesian regularisation, by what was never seen "
+        "(section 8.3 of the thesis; `python -m studies.augmentation`). By more than "
+        f"one standard error over folds it helps {head['helped']} and harms "
+        f"{head['harmed']} of {head['networks']} networks.",
+        markdown(header, rows),
+        *(f"Left out: {label}: {why}" for label, why in found["left_out"].items()),
+    ]
+
+
 def pm(errors: np.ndarray) -> str:
     """Mean and its standard error, in per cent.
 
@@ -176,7 +266,7 @@ def pm(errors: np.ndarray) -> str:
 def table(one: Result) -> str:
     """The front and what stands beside it."""
     rows = [
-        [name_of(t), percent(t["random"]), percent(t["unseen"])] for t in one["front"]
+        [described(t), percent(t["random"]), percent(t["unseen"])] for t in one["front"]
     ]
     for model in one["baselines"]:
         cells = [
@@ -185,11 +275,6 @@ def table(one: Result) -> str:
         ]
         rows.append([model["model"], *cells])
     return markdown(["model", "random folds", f"unseen {one['unseen']}"], rows)
-
-
-def name_of(row: Result) -> str:
-    lag = "" if row["lag_s"] is None else f", lag {row['lag_s']:.2g} s"
-    return f"{row['inputs']}, {row['neurons']} neurons, {row['regularisation']}{lag}"
 
 
 def with_table(text: str, made: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softnn.neural import ARCHITECTURES
+from softnn.neural import architecture_of
 from softnn.search import Finished
 from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure, percent
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 USES = ("random", "unseen")  # the order of the objectives
 WORDS = {"rate": "by unseen rate", "recording": "by unseen recording"}
-SHAPES = "osD^vP*"
+SHAPES = "osD^vP*h"
 BESIDE = {"PL-SLS": "X", "PL-Wiechert": "P", "gradient": "s"}
 FACES = {"as in the thesis": "white", "any reading of the holds": "#bbbbbb"}
 WORST = 2.0  # NRMSE beyond which nothing is drawn
@@ -103,7 +103,11 @@ def paired(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
 
 def words(trial: Finished) -> str:
     """A configuration in a few words."""
-    chosen = trial.result["configuration"]
+    return described(trial.result["configuration"])
+
+
+def described(chosen: Mapping[str, Any]) -> str:
+    """The same of a configuration, or of a row of the result file."""
     count = chosen["neurons"]
     how = chosen["regularisation"]
     if how.startswith("l2="):
@@ -111,7 +115,7 @@ def words(trial: Finished) -> str:
     text = f"{chosen['inputs']}, {count} neuron{'s' * (count != 1)}, {how}"
     if chosen["lag_s"] is not None:
         return f"{text}, lag {chosen['lag_s']:.2g} s"
-    lagged = ARCHITECTURES[chosen["inputs"]].lagged
+    lagged = architecture_of(chosen["inputs"]).lagged
     return f"{text}, lag one sample" if lagged else text
 
 
@@ -145,7 +149,12 @@ def _of_use(
     judged = "by random folds" if use == "random" else WORDS[unseen]
     error = _pm(float(mine.mean()), spread(anew, use))
     text = f"{means} take {one.words} ({error} {judged}; "
-    if one.ties > 1:
+    if one.ties > 1 and one.trial.number == one.best.number:
+        text += (
+            f"the best, and {one.ties - 1} tie with it; fewest neurons of the tie "
+            f"{one.fewest}"
+        )
+    elif one.ties > 1:
         gap, within = paired(folds(one.trial, use), folds(one.best, use))
         text += (
             f"a tie of {one.ties} with the best, {words(one.best)}, which is ahead by "
@@ -237,8 +246,11 @@ def draw(found: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
-    colours = [*COLOURS, INK]
-    for i, name in enumerate(ARCHITECTURES):
+    from matplotlib.ticker import LogLocator
+
+    colours = [*COLOURS, INK, FAINT]
+    names = dict.fromkeys(t["inputs"] for t in one["trials"])
+    for i, name in enumerate(names):
         mine = [t for t in one["trials"] if t["inputs"] == name]
         whole = [t for t in mine if t["stopped_after"] is None]
         rest = [t for t in mine if t["stopped_after"] is not None]
@@ -270,6 +282,7 @@ def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
     axes.set_title(one["label"], fontsize=8)

@@ -33,6 +33,7 @@ from softnn.study.settings import (
     SPLITS,
     Places,
     Settings,
+    add_worker,
     places_of,
     settings_of,
     smoked,
@@ -53,6 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         action="store_true",
         help="write the best configuration to studies/best, for the tests to hold",
     )
+    add_worker(made)
     arguments = made.parse_args(argv)
 
     def work() -> None:
@@ -70,13 +72,18 @@ def run(settings: Settings, places: Places, keep_best: bool = False) -> dict[str
     """The study of every material asked for; returns what was written."""
     found = []
     for data in prepared(settings):
-        found.append(study(data, settings, places))
+        told = study(data, settings, places)
+        if told is None:
+            continue
+        found.append(told)
         if keep_best:
-            keep(found[-1], data, BEST)
+            keep(told, data, BEST)
+    if places.worker:
+        return {}
     return write_all("neurons", settings, places, found)
 
 
-def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
+def study(data: Data, settings: Settings, places: Places) -> dict[str, Any] | None:
     """One material: every count, the best one on the other splits, the baselines."""
     others = [split for split in REPORTED if split != settings.split]
     space: dict[str, Sequence[Value]] = {
@@ -85,6 +92,11 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
     }
     total = len(settings.neurons) + len(others)
     with Sweep("neurons", data, settings, space, places, total) as sweep:
+        sweep.together(
+            [{"neurons": n, "split": settings.split} for n in settings.neurons]
+        )
+        if places.worker:
+            return None
         grid = [
             sweep.run(neurons=count, split=settings.split) for count in settings.neurons
         ]

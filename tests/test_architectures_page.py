@@ -14,6 +14,7 @@ def row(inputs, neurons, random, unseen):
         "neurons": neurons,
         "regularisation": "bayesian",
         "lag_s": None,
+        "stopped_after": None,
         "random": sum(random) / len(random),
         "unseen": sum(unseen) / len(unseen),
         "folds_random": random,
@@ -26,7 +27,7 @@ def result(data, material, unseen):
     best = row("FFRI1", 3, [0.05, 0.07], unseen)
     chosen = {"words": "FFRI1, 3 neurons, bayesian", "anew": best}
     return {
-        "settings": {"data": data, "folds": 2, "samples": 200},
+        "settings": {"data": data, "folds": 2, "samples": 200, "cycles": False},
         "machine": "m, 2 cores",
         "made": "2026-01-01",
         "headline": {"study_s": 12.0},
@@ -71,7 +72,7 @@ def test_real_recordings_come_first_and_figures_are_those_of_the_files(written):
     assert text.index("### VHB, tape") < text.index("### NR, virtual")
     cells = [re.sub(r" +", " ", line) for line in text.splitlines()]
     assert [c for c in cells if c.startswith(("| VHB", "| NR"))] == [
-        "| VHB | real | FFRI1, 3 neurons, bayesian | 6.0 +- 1.0 % | gradient-boosted "
+        "| VHB | tape | FFRI1, 3 neurons, bayesian | 6.0 +- 1.0 % | gradient-boosted "
         "trees 10.0 % | FFRI1, 3 neurons, bayesian | 60.0 +- 10.0 % | PL-SLS 25.0 % |",
         "| NR | virtual | FFRI1, 3 neurons, bayesian | 6.0 +- 1.0 % | gradient-boosted "
         "trees 10.0 % | FFRI1, 3 neurons, bayesian | 11.0 +- 1.0 % | PL-SLS 25.0 % |",
@@ -96,9 +97,36 @@ def test_readme_has_the_table_between_its_marks(written):
     assert (home / "README.md").read_text() == readme
 
 
+def test_what_simulated_recordings_are_worth_is_said(written):
+    results, home, _ = written
+    row = {
+        "label": "VHB, tape",
+        "inputs": "FFH7",
+        "unseen": "rate",
+        "without": [0.5, 0.7],
+        "with": [0.2, 0.2],
+        "gain": 0.4,
+        "gain_error": 0.1,
+    }
+    found = {
+        "headline": {"networks": 1, "helped": 1, "harmed": 0},
+        "neurons": 4,
+        "networks": [row],
+        "left_out": {},
+    }
+    (results / "augmentation.json").write_text(json.dumps(found))
+    told = {"network": "FFRI1", "unseen": "0.1 /s", "summary": "slack is missing."}
+    lacks = {"materials": {"VHB, tape": told}}
+    (results / "lacks.json").write_text(json.dumps(lacks))
+    text = make(results, home).read_text()
+    assert "60.0 +- 10.0 % | 20.0 +- 0.0 % | 40.0 +- 10.0 %" in re.sub(" +", " ", text)
+    assert "Of 0.1 /s, where it is worst, a diagnosis of the network (FFRI1;" in text
+    assert "help 1 of 1 networks" in (home / "README.md").read_text()
+
+
 def test_without_results_the_page_names_the_command(tmp_path):
     text = make(tmp_path, tmp_path).read_text()
-    assert "Not run: `python -m studies.architectures --material all`" in text
+    assert "Not run: `python -m studies.architectures`" in text
 
 
 def test_the_page_of_the_project_is_that_of_its_results(tmp_path):

@@ -66,6 +66,7 @@ def make_parser() -> argparse.ArgumentParser:
     p.add_argument("--dirty", type=float, default=0.15, help="share of cases (0.15)")
     p.add_argument("--simulated", type=float, default=0.1, help="share of cases (0.1)")
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    p.add_argument("--scheduler", metavar="tcp://...", help="of a Dask cluster")
     p.add_argument("--out", type=Path, help="where cases and diagnoses go (mlruns/...)")
     p.add_argument("--label", help="what the trial is called in results")
     p.add_argument("--tracking", help="MLflow address (mlruns/mlflow.db)")
@@ -98,7 +99,7 @@ def run(a: argparse.Namespace) -> None:
         return
     folder, record = taken_up(a) if a.score_only or a.resume else begun(a)
     if not a.score_only:
-        diagnose_rest(folder, record, a.jobs)
+        diagnose_rest(folder, record, a.jobs, scheduler=a.scheduler)
     score(folder, record, a)
 
 
@@ -188,7 +189,11 @@ def read_sealed(read: Callable[[], Any]) -> Any:
 
 
 def diagnose_rest(
-    folder: Path, record: dict[str, Any], jobs: int, timed: int = TIMED_CASES
+    folder: Path,
+    record: dict[str, Any],
+    jobs: int,
+    timed: int = TIMED_CASES,
+    scheduler: str | None = None,
 ) -> None:
     """Diagnose what is not diagnosed; the record says by which code, and how fast."""
     cases = source(folder, record) / "cases"
@@ -198,7 +203,7 @@ def diagnose_rest(
         record["code"] = sorted(code)
         write_record(folder, record)
     timed = 0 if record["smoke"] else timed
-    record |= diagnose(folder, jobs, record["seed"] or 0, timed, cases)
+    record |= diagnose(folder, jobs, record["seed"] or 0, timed, cases, scheduler)
     write_record(folder, record)
 
 
@@ -332,7 +337,12 @@ def undiagnosed(folder: Path, cases: Path) -> list[str]:
 
 
 def diagnose(
-    folder: Path, jobs: int, seed: int, timed: int, where: Path
+    folder: Path,
+    jobs: int,
+    seed: int,
+    timed: int,
+    where: Path,
+    scheduler: str | None = None,
 ) -> dict[str, Any]:
     """Run the command on the cases, as a user would; how long it took.
 
@@ -345,7 +355,9 @@ def diagnose(
     command = [*SOFTNN, "diagnose", "--seed", str(seed), "--jobs"]
     begun = time.perf_counter()
     out = str((folder / "diagnoses").resolve())
-    done = subprocess.run([*command, str(jobs), "--out", out, *cases], check=False)
+    on = [] if scheduler is None else ["--scheduler", scheduler]
+    many = [*command, str(jobs), *on, "--out", out, *cases]
+    done = subprocess.run(many, check=False)
     wall = time.perf_counter() - begun
     single = []
     for case in cases[:timed]:

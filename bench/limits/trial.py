@@ -150,14 +150,14 @@ def noise_ratio(answer: Mapping[str, Any], found: Mapping[str, Any]) -> float | 
 
 
 def outcomes(
-    wanted: Sequence[orders.Order], jobs: int
+    wanted: Sequence[orders.Order], jobs: int, scheduler: str | None = None
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Name and outcome of every case, as they come."""
-    if jobs == 1:
+    if jobs == 1 and scheduler is None:
         for order in wanted:
             yield order.name, outcome(order)
         return
-    with workers(jobs) as pool:
+    with workers(jobs, scheduler) as pool:
         futures = {pool.submit(outcome, order): order.name for order in wanted}
         for future in as_completed(futures):
             yield futures[future], future.result()
@@ -184,6 +184,7 @@ def make_parser() -> argparse.ArgumentParser:
     p.add_argument("--colours", nargs="+", default=tuple(COLOURS), choices=COLOURS)
     p.add_argument("--quick", action="store_true", help="one level, few cases")
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    p.add_argument("--scheduler", metavar="tcp://...", help="of a Dask cluster")
     p.add_argument("--store", type=Path, help="database of outcomes (mlruns/...)")
     p.add_argument("--report", action="store_true", help="of what is there, no more")
     p.add_argument("--tracking", help="MLflow address (mlruns/mlflow.db)")
@@ -225,7 +226,7 @@ def run(a: argparse.Namespace) -> None:
     with Store(file, code()) as store:
         wanted = grid.orders()
         if not a.report:
-            fill(store, wanted, 1 if a.smoke else a.jobs)
+            fill(store, wanted, 1 if a.smoke else a.jobs, a.scheduler)
         rows = pick(store.rows(), wanted)
     if not rows:
         raise InputError(f"{store.path} holds no case of this grid and this code")
@@ -241,7 +242,12 @@ def run(a: argparse.Namespace) -> None:
     report(rows, record, home / "limits" / f"seed-{grid.seed}", a.tracking)
 
 
-def fill(store: Store, wanted: Sequence[orders.Order], jobs: int) -> None:
+def fill(
+    store: Store,
+    wanted: Sequence[orders.Order],
+    jobs: int,
+    scheduler: str | None = None,
+) -> None:
     """Diagnose what has not been diagnosed, showing how far it is."""
     from tqdm import tqdm
 
@@ -251,7 +257,7 @@ def fill(store: Store, wanted: Sequence[orders.Order], jobs: int) -> None:
     if before:
         print(f"{before} of {len(wanted)} cases were diagnosed before")
     with tqdm(total=len(wanted), initial=before, unit="case", file=sys.stderr) as bar:
-        for name, row in outcomes(rest, min(jobs, max(len(rest), 1))):
+        for name, row in outcomes(rest, min(jobs, max(len(rest), 1)), scheduler):
             store.add(name, row)
             bar.update()
 

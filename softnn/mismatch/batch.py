@@ -84,12 +84,17 @@ def case_name(source: Path | tuple[Path, ...]) -> str:
     return source[0].stem if len(source) == 1 else source[0].resolve().parent.name
 
 
-def run(jobs: Sequence[Job], most: int) -> Iterator[tuple[int, Outcome]]:
-    """Outcomes as they come, with the place of the job; `most` at a time."""
-    if min(most, len(jobs)) < 2:
+def run(
+    jobs: Sequence[Job], most: int, scheduler: str | None = None
+) -> Iterator[tuple[int, Outcome]]:
+    """Outcomes as they come, with the place of the job; `most` at a time.
+
+    Or on the workers of a Dask `scheduler`, which see the same folders.
+    """
+    if min(most, len(jobs)) < 2 and scheduler is None:
         yield from ((i, diagnose_one(job)) for i, job in enumerate(jobs))
         return
-    with workers(min(most, len(jobs))) as pool:
+    with workers(min(most, len(jobs)), scheduler) as pool:
         futures = {pool.submit(diagnose_one, job): i for i, job in enumerate(jobs)}
         for future in as_completed(futures):
             yield futures[future], future.result()

@@ -40,6 +40,11 @@ def add_diagnose(commands: Any) -> None:
         "else pl-wiechert), or a model.json",
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
+    parser.add_argument(
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
+        help="use the workers of this Dask cluster, which see the same folders",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N")
     parser.add_argument(
         "--resume",
@@ -131,7 +136,7 @@ def _run(arguments: argparse.Namespace, out: Path, jobs: list[Job]) -> int:
     rows: list[dict[str, Any]] = [{} for _ in jobs]
     # Nothing but results where nobody looks on.
     bar = tqdm(total=len(jobs), unit="case", disable=len(jobs) < 2 or None)
-    for i, outcome in batch.run(jobs, arguments.jobs):
+    for i, outcome in batch.run(jobs, arguments.jobs, arguments.scheduler):
         name = batch.case_name(jobs[i].source)
         bar.update()
         rows[i] = {"case": name, "result": outcome.result}

@@ -34,6 +34,7 @@ import softnn
 from softnn import json_file
 from softnn.contracts import InputError
 from softnn.json_file import plain
+from softnn.study.code import files_of, running_study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -126,7 +127,8 @@ def write_result(
     `headline` is flat: the figures that a text may quote, fractions as fractions, the
     unit in the name where there is one. `body` is whatever else the study found. `data`
     maps what was used to its hash (`softnn.recording.data_hash`). Beside them stand the
-    versions, the machine and the date. NaN and infinity become null.
+    versions, the machine, the date, and the study that was run with a hash of its code
+    (see `softnn.study.code`). NaN and infinity become null.
 
     Raises `InputError` for a headline that is not flat.
     """
@@ -141,6 +143,7 @@ def write_result(
         "data": data or {},
         "versions": versions(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        **made_by(running_study()),
         **{k: v for k, v in body.items() if k not in ("study", "headline")},
     }
     folder = RESULTS if folder is None else folder
@@ -148,6 +151,13 @@ def write_result(
     path = folder / f"{name}.json"
     json_file.write(path, content)
     return path
+
+
+def made_by(study: str | None) -> dict[str, str]:
+    """What a result says of the code that made it: nothing, outside of a study."""
+    if study is None:
+        return {}
+    return {"made_by": study, "made_by_code": code_of(files_of(study), words=False)}
 
 
 def versions() -> dict[str, str]:
@@ -168,17 +178,25 @@ def fingerprint(content: Any, *, files: Iterable[Path] = ()) -> str:
     return digest.hexdigest()[:12]
 
 
-def code_of(files: Iterable[Path]) -> str:
-    """A short hash of what Python files do: remarks and layout do not count."""
+def code_of(files: Iterable[Path], words: bool = True) -> str:
+    """A short hash of what Python files do: remarks and layout do not count.
+
+    Nor do docstrings without `words`.
+    """
     digest = hashlib.sha256()
     for file in sorted(files):
-        digest.update(_tree(file, file.stat().st_mtime_ns))
+        digest.update(_tree(file, file.stat().st_mtime_ns, words))
     return digest.hexdigest()[:12]
 
 
 @cache
-def _tree(file: Path, _changed: int) -> bytes:
-    return ast.dump(ast.parse(file.read_text(encoding="utf-8"))).encode()
+def _tree(file: Path, _changed: int, words: bool) -> bytes:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    for node in [] if words else ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            if ast.get_docstring(node, clean=False) is not None:
+                node.body = node.body[1:]
+    return ast.dump(tree).encode()
 
 
 def package_files() -> list[Path]:

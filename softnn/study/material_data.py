@@ -17,6 +17,7 @@ from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
 from softnn.study.settings import MOST_SAMPLES, Settings, one_of, slug
 
+UNLOADED = 0.5  # of the largest strain: a recording that comes back so far unloads
 LOADED = 0.995  # of the largest strain: the first loading is over
 
 
@@ -28,6 +29,7 @@ class Data:
     material: str
     tensile: list[Recording]
     relaxation: list[Recording]
+    cycles: bool = False  # whole recordings that unload, not first loadings
 
     @property
     def is_virtual(self) -> bool:
@@ -37,11 +39,11 @@ class Data:
     def label(self) -> str:
         """How the data are to be called wherever a figure of them is shown."""
         kind = "virtual specimens" if self.is_virtual else f"recordings {self.source}"
-        return f"{self.material}, {kind}"
+        return f"{self.material}, {kind}" + ", whole cycles" * self.cycles
 
     @property
     def file_name(self) -> str:
-        return slug(self.material)
+        return slug(self.material) + "-cycles" * self.cycles
 
     @cached_property
     def digest(self) -> str:
@@ -55,9 +57,13 @@ def prepared(settings: Settings) -> list[Data]:
     as they were recorded with, so that the training set has the size of Table 6.2. Of
     real recordings the networks see, like the thesis's, the first loading only: tensile
     tests prepared in the same way, others up to their largest strain; each at equal
-    strain steps, with `MOST_SAMPLES` at most.
+    strain steps, with `MOST_SAMPLES` at most. With `cycles` they see all of the
+    recordings that unload (`whole`), and no others. A material of which no recording
+    can be used so is left out.
     """
     if settings.data == "virtual":
+        if settings.cycles:
+            raise InputError("virtual specimens do not unload; leave out --cycles")
         names = [settings.material or "NatPolR"]
         names = list(MATERIALS) if names == ["all"] else names
         return [_virtual(name, settings.seed, settings.samples) for name in names]
@@ -73,14 +79,20 @@ def prepared(settings: Settings) -> list[Data]:
         one_of("material", str(settings.material), groups)
         groups = {str(settings.material): groups[str(settings.material)]}
     most = settings.samples or MOST_SAMPLES
+    if settings.cycles:
+        groups = {name: [r for r in g if unloads(r)] for name, g in groups.items()}
+        if not any(groups.values()):
+            raise InputError(f"{source}: no recording unloads; leave out --cycles")
     return [
         Data(
             source,
             material,
-            [first_loading(r, most) for r in group],
-            [r for r in group if r.test == "relaxation"],
+            [whole(r, most) if settings.cycles else first_loading(r, most) for r in g],
+            [r for r in g if r.test == "relaxation"],
+            settings.cycles,
         )
-        for material, group in groups.items()
+        for material, g in groups.items()
+        if g
     ]
 
 
@@ -109,3 +121,30 @@ def first_loading(recording: Recording, most: int) -> Recording:
     index = np.flatnonzero(known[:end])
     part = recording.take(index).with_step("first_loading", {"of_largest": LOADED})
     return prepare.resample(part, min(len(index), most))
+
+
+def unloads(recording: Recording) -> bool:
+    """Whether the strain comes back from its largest by more than half of it."""
+    size = np.abs(recording.strain[np.isfinite(recording.strain)])
+    if not len(size) or not size.max() > 0:
+        return False
+    return bool(size[np.argmax(size) :].min() <= UNLOADED * size.max())
+
+
+def whole(recording: Recording, most: int) -> Recording:
+    """All of a recording, at most `most` of its samples.
+
+    They lie at equal steps along its strain over time, both counted in their ranges:
+    close where it moves, and in a hold too.
+    """
+    known = prepare.complete(recording)
+    if len(known) <= most:
+        return known
+    steps = np.hypot(
+        np.abs(np.diff(known.strain)) / np.ptp(np.abs(known.strain)),
+        np.diff(known.time_s) / np.ptp(known.time_s),
+    )
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    rows = np.searchsorted(along, np.linspace(0, along[-1], most))
+    kept = np.unique(np.minimum(rows, len(known) - 1))
+    return known.take(kept).with_step("thin", {"samples": most})

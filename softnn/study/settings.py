@@ -40,6 +40,7 @@ class Settings:
     samples: int | None = None  # a recording, at most; None: as described in `prepared`
     lag_s: float | None = None  # of past inputs; None: one sample, as published
     as_is: bool = False  # take implausible numbers as they stand
+    cycles: bool = False  # whole recordings of those that unload, not first loadings
 
     def __post_init__(self) -> None:
         one_of("inputs", self.inputs, ARCHITECTURES)
@@ -67,6 +68,8 @@ class Settings:
             parts.append(Path(self.data).stem)
         if self.material not in (None, "NatPolR"):
             parts.append(slug(str(self.material)))
+        if self.cycles:
+            parts.append("cycles")
         return "-".join(parts)
 
 
@@ -78,6 +81,7 @@ class Places:
     tracking: str
     results: Path
     fresh: bool
+    worker: bool = False  # does trials of a study that another process leads
 
 
 def study_parser(
@@ -112,19 +116,34 @@ def study_parser(
         help="of past inputs (one sample, as published)",
     )
     add("--as-is", action="store_true", help="take implausible numbers as they stand")
+    add(
+        "--cycles",
+        action="store_true",
+        help="whole recordings of those that unload, not first loadings alone",
+    )
     add("--folds", type=int, default=defaults.folds, help="of a random split")
     add("--fraction", type=float, default=defaults.fraction, help="of the samples")
     add(
         "--samples",
         type=int,
+        default=defaults.samples,
         help="a recording, at most, at equal strain steps (virtual: as Table 6.2; "
         f"real: {MOST_SAMPLES})",
     )
-    add("--storage", help=f"Optuna (sqlite:///{RUNS}/optuna.db)")
+    add("--storage", help=f"Optuna (sqlite:///{RUNS}/optuna.db; postgresql+psycopg:)")
     add("--tracking", help=f"MLflow (sqlite:///{RUNS}/mlflow.db)")
     add("--out", type=Path, metavar="FOLDER", help="for the result and its figures")
     add("--fresh", action="store_true", help="start over; forget finished trials")
     return made
+
+
+def add_worker(made: Parser) -> None:
+    """The option of studies that several processes can carry out."""
+    made.add_argument(
+        "--worker",
+        action="store_true",
+        help="do trials of a study whose --storage is a database server, no more",
+    )
 
 
 def settings_of(
@@ -160,6 +179,9 @@ def smoked(settings: Settings) -> Settings:
 
 def places_of(arguments: argparse.Namespace, published: bool = True) -> Places:
     """Where to keep things: the project's results only if they are `published`."""
+    worker = getattr(arguments, "worker", False)
+    if worker and (arguments.fresh or arguments.smoke):
+        raise InputError("a --worker starts nothing over; leave out --fresh, --smoke")
     home = runs_folder(arguments.smoke)
     results = results_folder(arguments.smoke) if published else home / "results"
     return Places(
@@ -167,6 +189,7 @@ def places_of(arguments: argparse.Namespace, published: bool = True) -> Places:
         tracking=database(arguments.tracking, arguments.smoke),
         results=arguments.out or results,
         fresh=arguments.fresh or arguments.smoke,
+        worker=worker,
     )
 
 

@@ -45,6 +45,10 @@ WHAT = {
 }
 
 
+# Parts of softnn.neural that no trial runs: they keep and serve what it trained.
+AFTER = ("estimator", "guard", "recurrent", "served", "stored")
+
+
 class Sweep:
     """The trials of one study on one material: stored by Optuna, mirrored in MLflow.
 
@@ -89,28 +93,31 @@ class Sweep:
             seed=settings.seed,
             fresh=places.fresh,
             objectives=objectives,
+            worker=places.worker,
         )
+        self._tracker: Tracker | None = None
         try:
-            identity = self.search.remember("identity", uuid.uuid4().hex)
             self.stored = len(self.search.finished)
-            self.tracker: Tracker = Tracker(
-                places.tracking,
-                study,
-                study=self.key,
-                identity=identity,
-                name=data.label,
-                parameters={
-                    "material": data.material,
-                    "inputs": settings.inputs,
-                    "neurons": listed(settings.neurons),
-                    "split": settings.split,
-                    "regularisation": settings.regularisation,
-                    "folds": settings.folds,
-                    "fraction": settings.fraction,
-                    "seed": settings.seed,
-                },
-                data=(data.source, data.digest),
-            )
+            if not places.worker:
+                identity = self.search.remember("identity", uuid.uuid4().hex)
+                self._tracker = Tracker(
+                    places.tracking,
+                    study,
+                    study=self.key,
+                    identity=identity,
+                    name=data.label,
+                    parameters={
+                        "material": data.material,
+                        "inputs": settings.inputs,
+                        "neurons": listed(settings.neurons),
+                        "split": settings.split,
+                        "regularisation": settings.regularisation,
+                        "folds": settings.folds,
+                        "fraction": settings.fraction,
+                        "seed": settings.seed,
+                    },
+                    data=(data.source, data.digest),
+                )
         except BaseException:
             self.search.__exit__(None, None, None)
             raise
@@ -128,8 +135,15 @@ class Sweep:
 
     def __exit__(self, *error: Any) -> None:
         self._bar.close()
-        self.tracker.__exit__(*error)
+        if self._tracker is not None:
+            self._tracker.__exit__(*error)
         self.search.__exit__(*error)
+
+    @property
+    def tracker(self) -> Tracker:
+        """Where runs are logged; a worker logs none."""
+        assert self._tracker is not None
+        return self._tracker
 
     def possible(self, split: str) -> str | None:
         """None if the data can be split so, else why not."""
@@ -170,7 +184,34 @@ class Sweep:
         for trial in self.search.explore(submit, trials, first=first, when=when):
             yield self._keep(trial)
 
+    def together(self, points: Sequence[Mapping[str, Value]]) -> None:
+        """Have workers and this process do the trials of these parameters."""
+
+        def done(parameters: dict[str, Any], _: Sequence[Finished]) -> Future[Result]:
+            found: Future[Result] = Future()
+            found.set_result(self.trainer(parameters))
+            return found
+
+        if self.search.on_server:
+            for _ in self.search.explore(done, len(points), first=points):
+                pass
+
     def _keep(self, trial: Finished) -> Finished:
+        if self._tracker is not None:
+            self._log(self._tracker, trial)
+        self.trials.append(trial)
+        here = self.settings.split
+        best = max(
+            (t for t in self.trials if t.parameters.get("split", here) == here),
+            key=lambda t: t.result["r2_mean"],
+        )
+        self._bar.set_postfix_str(
+            f"best R2 {100 * best.result['r2_mean']:.3f} %, {describe(best.parameters)}"
+        )
+        self._bar.update()
+        return trial
+
+    def _log(self, tracker: Tracker, trial: Finished) -> None:
         found = trial.result
         # The run's own figure is the mean; folds are the steps of another.
         metrics: dict[str, Any] = {
@@ -185,7 +226,7 @@ class Sweep:
         if "unseen" in found:
             metrics["nrmse_unseen"] = float(np.mean(found["unseen"]["nrmse"]))
             metrics["fold_nrmse_unseen"] = found["unseen"]["nrmse"]
-        self.tracker.trial(
+        tracker.trial(
             describe(trial.parameters),
             trial.parameters,
             metrics,
@@ -197,17 +238,6 @@ class Sweep:
                 "softnn.again": json.dumps(self._again(trial)),
             },
         )
-        self.trials.append(trial)
-        here = self.settings.split
-        best = max(
-            (t for t in self.trials if t.parameters.get("split", here) == here),
-            key=lambda t: t.result["r2_mean"],
-        )
-        self._bar.set_postfix_str(
-            f"best R2 {100 * best.result['r2_mean']:.3f} %, {describe(best.parameters)}"
-        )
-        self._bar.update()
-        return trial
 
     def _again(self, trial: Finished) -> dict[str, Any]:
         """What `softnn.study.rerun` needs to do a trial again."""
@@ -347,9 +377,12 @@ def describe(parameters: Mapping[str, Any]) -> str:
 def _code() -> tuple[Path, ...]:
     """The files whose change would change a trial's result, data apart."""
     package = Path(softnn.__file__).parent
+    network = [
+        f for f in sorted((package / "neural").glob("*.py")) if f.stem not in AFTER
+    ]
     single = [
         package / "crossval.py",
         package / "metrics.py",
         Path(__file__).with_name("trainer.py"),
     ]
-    return (*sorted((package / "neural").glob("*.py")), *single)
+    return (*network, *single)

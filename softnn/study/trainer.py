@@ -11,13 +11,13 @@ import numpy as np
 from softnn.crossval import Folds, make_folds, rate_groups, score
 from softnn.metrics import generalisation_error, nrmse
 from softnn.neural import (
-    ARCHITECTURES,
     Network,
     Regularisation,
     Samples,
     Seen,
     StoredNetwork,
     Trained,
+    architecture_of,
     fit_samples,
     run,
     samples,
@@ -182,7 +182,7 @@ class Trainer:
         self, network: Network, inputs: str, lag_s: float | None, asked: Samples
     ) -> np.ndarray:
         """Stress (n,) at the samples asked for, MPa."""
-        if not ARCHITECTURES[inputs].feedback:
+        if not architecture_of(inputs).feedback:
             return network.predict(asked.inputs)
         mine, row = np.unique(asked.recording, return_inverse=True)
         out = run(network, inputs, [self.data.tensile[i] for i in mine], lag_s)
@@ -195,7 +195,7 @@ class Trainer:
         self, inputs: str, known: Samples, folds: Folds, trained: Sequence[Trained]
     ) -> dict[str, Any]:
         """NRMSE fold by fold with the measured stress fed back (thesis 6.4.1)."""
-        if not ARCHITECTURES[inputs].feedback:
+        if not architecture_of(inputs).feedback:
             return {}
         pairs = zip(folds.test, trained, strict=True)
         return {

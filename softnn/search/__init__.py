@@ -12,68 +12,49 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
-from datetime import datetime
 from itertools import product
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import optuna
-from optuna.distributions import (
-    BaseDistribution,
-    CategoricalDistribution,
-    FloatDistribution,
-    IntDistribution,
-)
 from optuna.trial import FrozenTrial, TrialState
 
 from softnn.contracts import InputError
-from softnn.database import Lock, made_aside, sqlite_file
+from softnn.database import (
+    Lock,
+    ServerLock,
+    made_aside,
+    server_lock,
+    shown,
+    sqlite_file,
+)
+from softnn.search.draws import (
+    Draws,
+    Finished,
+    Given,
+    Objective,
+    Range,
+    Result,
+    Value,
+    When,
+    distribution,
+)
 
 optuna.logging.set_verbosity(optuna.logging.WARNING)
 
-Value = int | float | str
-STARTUP = 30  # trials drawn at random before a front is modelled
 TOGETHER = 4  # trials under way: two long ones leave no core idle
-# What is minimised, one number or one an objective, and all there is to keep.
-Result = tuple[float | Sequence[float], dict[str, Any]]
-When = Mapping[str, Callable[[Mapping[str, Any]], bool]]
-Objective = Callable[[dict[str, Any]], Result]
-
-
-@dataclass(frozen=True)
-class Range:
-    """Numbers from low to high, both included; `log` spaces them by ratio."""
-
-    low: float
-    high: float
-    log: bool = False
-
-
-@dataclass(frozen=True)
-class Finished:
-    """One finished trial; `stored` says that it was there before this search began.
-
-    `value` is its first objective, `values` are all of them.
-    """
-
-    number: int
-    parameters: dict[str, Any]
-    value: float
-    result: dict[str, Any]
-    started: datetime
-    ended: datetime
-    stored: bool
-    values: tuple[float, ...] = ()
+HEARTBEAT_S = 10  # of a process at a trial, to a database server; dead after three
 
 
 class Search:
-    """An Optuna study of objectives to be minimised, open for one process.
+    """An Optuna study of objectives to be minimised.
 
-    Use it as a context. `name` must change with anything that changes results (data,
-    settings, seed): trials under one name are never run again. `storage` is an
-    SQLAlchemy address; missing folders of an SQLite file are made.
+    Use it as a context. It is open for one process; in a database server for any number
+    of others that are `worker`s, for `explore` (see `softnn.search.together`). `name`
+    must change with anything that changes results (data, settings, seed): trials under
+    one name are never run again. `storage` is an SQLAlchemy address; missing folders of
+    an SQLite file are made.
 
     `space` declares every parameter: the values it can take, or a `Range`.
 
@@ -92,25 +73,37 @@ class Search:
         seed: int = 0,
         fresh: bool = False,
         objectives: int = 1,
+        worker: bool = False,
+        heartbeat_s: int = HEARTBEAT_S,
     ) -> None:
         self.name, self.space, self.seed = name, dict(space), seed
-        self._lock = _lock(storage, name)
+        self.storage, self.worker = storage, worker
+        self.on_server = not storage.startswith("sqlite")
+        if worker and not self.on_server:
+            raise InputError(
+                f"storage {storage!r} is a file; workers share a database server, such "
+                "as --storage postgresql+psycopg://user@host/softnn"
+            )
+        self._backend: optuna.storages.BaseStorage | None = None
+        self._lock = None if worker else _lock(storage, name)
         try:
-            backend = _backend(storage)
+            self._backend = backend = _backend(storage, heartbeat_s)
             if fresh:
                 known = optuna.get_all_study_names(backend)
                 if name in known:
                     optuna.delete_study(study_name=name, storage=backend)
-            self._study = optuna.create_study(
+            self.study = optuna.create_study(
                 study_name=name,
                 storage=backend,
                 load_if_exists=True,
                 directions=["minimize"] * objectives,
             )
             self._stored = {t.number for t in self._trials(TrialState.COMPLETE)}
-            # The lock is held, so whoever was running these is gone.
+            # The lock is held, so whoever was running these is gone; of trials shared
+            # with workers the heartbeat tells.
             for trial in self._trials(TrialState.RUNNING):
-                self._study.tell(trial.number, state=TrialState.FAIL)
+                if not (worker or (self.on_server and "slot" in trial.user_attrs)):
+                    self.study.tell(trial.number, state=TrialState.FAIL)
         except BaseException:
             self._release()
             raise
@@ -129,6 +122,9 @@ class Search:
     def _release(self) -> None:
         if self._lock is not None:
             self._lock.release()
+        if self.on_server and isinstance(self._backend, optuna.storages.RDBStorage):
+            self._backend.remove_session()
+            self._backend.engine.dispose()  # connections are few, and others want them
 
     @property
     def finished(self) -> list[Finished]:
@@ -139,12 +135,12 @@ class Search:
         """The text kept with the search under `key`; `value` if there is none yet."""
         kept = self.remembered(key)
         if kept is None:
-            self._study.set_user_attr(key, value)
+            self.study.set_user_attr(key, value)
         return value if kept is None else kept
 
     def remembered(self, key: str) -> str | None:
         """The text kept under `key`, if any."""
-        kept = self._study.user_attrs.get(key)
+        kept = self.study.user_attrs.get(key)
         return None if kept is None else str(kept)
 
     def run(self, parameters: Mapping[str, Value], objective: Objective) -> Finished:
@@ -153,7 +149,7 @@ class Search:
         for trial in self._trials(TrialState.COMPLETE):
             if trial.params == wanted:
                 return self._finished(trial)
-        return self._run(_Given(wanted), list(wanted), objective)
+        return self._run(Given(wanted), list(wanted), objective)
 
     def grid(self, objective: Objective, **fixed: Value) -> Iterator[Finished]:
         """Every combination of declared values once, the last varying fastest.
@@ -190,7 +186,7 @@ class Search:
                 seed=self.seed + 1_000_003 * count,  # a prime apart: seeds never meet
                 n_startup_trials=min(8, max(2, trials // 3)),
             )
-            yield self._run(_Given(fixed, tpe), list(self.space), objective)
+            yield self._run(Given(fixed, tpe), list(self.space), objective)
 
     def explore(
         self,
@@ -209,21 +205,24 @@ class Search:
         those before it. Tree-structured Parzen estimators, multivariate, one for each
         group of parameters that occur together (Ozaki et al.
         2022, doi:10.1613/jair.1.13188).
+
+        In a database server its workers take part, and order is by who ends first.
         """
-        done = [
-            self._finished(trial)
-            for trial in self._trials(TrialState.COMPLETE)
-            if trial.user_attrs.get("explored")
-        ]
+        if self.on_server:
+            from softnn.search.together import together
+
+            yield from together(self, submit, trials, first, when)
+            return
+        done = self.explored()
         yield from done[:trials]
-        draws = _Draws(self, first, when or {})
+        draws = Draws(self, first, when or {})
         pending: deque[tuple[optuna.Trial, Future[Result]]] = deque()
         try:
             for count in range(len(done), trials):
                 known = done[: max(0, count + 1 - TOGETHER)]
                 parameters = draws.draw(count, known)
-                self._study.sampler = _Given(parameters)
-                trial = self._study.ask({n: draws.space[n] for n in parameters})
+                self.study.sampler = Given(parameters)
+                trial = self.study.ask({n: draws.space[n] for n in parameters})
                 trial.set_user_attr("explored", True)
                 pending.append((trial, submit(parameters, known)))
                 while len(pending) == TOGETHER or (pending and count == trials - 1):
@@ -232,8 +231,16 @@ class Search:
         except BaseException:
             for trial, future in pending:
                 future.cancel()
-                self._study.tell(trial, state=TrialState.FAIL, skip_if_finished=True)
+                self.study.tell(trial, state=TrialState.FAIL, skip_if_finished=True)
             raise
+
+    def explored(self) -> list[Finished]:
+        """Finished trials of `explore`, oldest first."""
+        return [
+            self._finished(trial)
+            for trial in self._trials(TrialState.COMPLETE)
+            if trial.user_attrs.get("explored")
+        ]
 
     def _oldest(self, pending: deque[tuple[optuna.Trial, Future[Result]]]) -> Finished:
         trial, future = pending[0]
@@ -242,7 +249,7 @@ class Search:
         return told
 
     def _trials(self, state: TrialState) -> list[FrozenTrial]:
-        return self._study.get_trials(deepcopy=False, states=(state,))
+        return self.study.get_trials(deepcopy=False, states=(state,))
 
     def _run(
         self,
@@ -250,18 +257,21 @@ class Search:
         names: Sequence[str],
         objective: Objective,
     ) -> Finished:
-        space = {name: _distribution(self.space[name]) for name in names}
-        self._study.sampler = sampler
-        return self._told(self._study.ask(space), objective)
+        space = {name: distribution(self.space[name]) for name in names}
+        self.study.sampler = sampler
+        with warnings.catch_warnings():  # this process leads: nobody waits for a beat
+            warnings.filterwarnings("ignore", "Heartbeat of storage")
+            trial = self.study.ask(space)
+        return self._told(trial, objective)
 
     def _told(self, trial: optuna.Trial, objective: Objective) -> Finished:
         try:
             value, result = objective(dict(trial.params))
             trial.set_user_attr("result", result)
         except BaseException:  # ctrl-C too: the trial is not left running
-            self._study.tell(trial, state=TrialState.FAIL)
+            self.study.tell(trial, state=TrialState.FAIL)
             raise
-        return self._finished(self._study.tell(trial, value))
+        return self._finished(self.study.tell(trial, value))
 
     def _finished(self, trial: FrozenTrial) -> Finished:
         assert trial.datetime_start is not None
@@ -275,126 +285,46 @@ class Search:
             trial.datetime_complete,
             trial.number in self._stored,
             tuple(trial.values),
+            trial.user_attrs.get("slot", 0),
         )
 
 
-class _Given(optuna.samplers.BaseSampler):
-    """Draws what it was given, the rest from `other`.
-
-    Optuna's own queue of given trials can lose an entry to a kill.
-    """
-
-    def __init__(
-        self,
-        parameters: Mapping[str, Value],
-        other: optuna.samplers.BaseSampler | None = None,
-    ) -> None:
-        self._parameters, self._other = parameters, other
-
-    def infer_relative_search_space(self, *_: Any) -> dict[str, BaseDistribution]:
-        return {}  # parameters are drawn one by one
-
-    def sample_relative(self, *_: Any) -> dict[str, Any]:
-        return {}
-
-    def sample_independent(
-        self, study: Any, trial: Any, param_name: str, param_distribution: Any
-    ) -> Any:
-        if self._other is None or param_name in self._parameters:
-            return self._parameters[param_name]
-        return self._other.sample_independent(
-            study, trial, param_name, param_distribution
-        )
-
-
-class _Draws:
-    """Parameters of the trials of `explore`: those of `first`, then by the estimators.
-
-    The estimators see a study in memory that is given the trials they may know.
-    """
-
-    def __init__(
-        self, search: Search, first: Sequence[Mapping[str, Value]], when: When
-    ) -> None:
-        self.space = {n: _distribution(v) for n, v in search.space.items()}
-        self.first, self.when, self.seed = first, when, search.seed
-        self._study = optuna.create_study(directions=search._study.directions)
-        self._known = 0
-
-    def draw(self, count: int, known: Sequence[Finished]) -> dict[str, Any]:
-        """Of trial `count`, by what those in `known` say."""
-        if count < len(self.first):
-            return self._chosen(lambda name: self.first[count][name])
-        for one in known[self._known :]:
-            space = {name: self.space[name] for name in one.parameters}
-            self._study.add_trial(
-                optuna.trial.create_trial(
-                    params=one.parameters, distributions=space, values=one.values
-                )
-            )
-        self._known = len(known)
-        with warnings.catch_warnings():  # `group` may change; results say the version
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            self._study.sampler = optuna.samplers.TPESampler(
-                seed=self.seed + 1_000_003 * count,
-                n_startup_trials=max(STARTUP, len(self.first)),
-                multivariate=True,
-                group=True,
-            )
-        trial = self._study.ask()
-        chosen = self._chosen(lambda name: _suggest(trial, name, self.space[name]))
-        self._study.tell(trial, state=TrialState.FAIL)  # it is run elsewhere
-        return chosen
-
-    def _chosen(self, value: Callable[[str], Any]) -> dict[str, Any]:
-        chosen: dict[str, Any] = {}
-        for name in self.space:
-            if name not in self.when or self.when[name](chosen):
-                chosen[name] = value(name)
-        return chosen
-
-
-def _lock(storage: str, name: str) -> Lock | None:
+def _lock(storage: str, name: str) -> Lock | ServerLock | None:
     file = sqlite_file(storage)
+    if storage.startswith("postgresql"):
+        return ServerLock(storage, f"search {name}")
     if storage.startswith("sqlite") and file is None:
         return None  # in memory: nobody else can open it
     folder = file.parent if file else Path(tempfile.gettempdir())
     return Lock(folder / f".{name}.lock", f"search {name}")
 
 
-def _backend(storage: str) -> optuna.storages.BaseStorage:
+def _backend(storage: str, heartbeat_s: int) -> optuna.storages.BaseStorage:
     if storage in ("sqlite://", "sqlite:///:memory:"):
         return optuna.storages.InMemoryStorage()
     try:
         file = sqlite_file(storage)
         if file is not None:
             made_aside(file, _make)
-        return optuna.storages.RDBStorage(storage)
+            return optuna.storages.RDBStorage(storage)
+        return _on_server(storage, heartbeat_s)
     except Exception as error:  # SQLAlchemy's own, of many kinds
         raise InputError(
-            f"storage {storage!r} cannot be opened ({str(error).splitlines()[0]}); "
-            "give an address such as sqlite:///mlruns/optuna.db"
+            f"storage {shown(storage)} cannot be opened "
+            f"({str(error).splitlines()[0]}); give an address such as sqlite:///mlruns/optuna.db"
         ) from None
+
+
+def _on_server(storage: str, heartbeat_s: int) -> optuna.storages.BaseStorage:
+    with warnings.catch_warnings():  # heartbeats may change; results say the version
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        with server_lock(storage, "tables of searches"):  # two would make them at once
+            return optuna.storages.RDBStorage(
+                storage, heartbeat_interval=heartbeat_s, grace_period=3 * heartbeat_s
+            )
 
 
 def _make(file: Path) -> None:
     made = optuna.storages.RDBStorage(f"sqlite:///{file}")
     made.remove_session()
     made.engine.dispose()
-
-
-def _suggest(trial: optuna.Trial, name: str, values: BaseDistribution) -> Any:
-    if isinstance(values, FloatDistribution):
-        return trial.suggest_float(name, values.low, values.high, log=values.log)
-    if isinstance(values, IntDistribution):
-        return trial.suggest_int(name, values.low, values.high)
-    assert isinstance(values, CategoricalDistribution)
-    return trial.suggest_categorical(name, values.choices)
-
-
-def _distribution(space: Sequence[Value] | Range) -> BaseDistribution:
-    if isinstance(space, Range):
-        return FloatDistribution(space.low, space.high, log=space.log)
-    if all(type(value) is int for value in space):
-        return IntDistribution(min(space), max(space))  # type: ignore[arg-type]
-    return CategoricalDistribution(list(space))
