@@ -3,7 +3,7 @@
 What a network does in a controller depends on what it was shown. Recordings are few,
 slow, and of specimens that differ in stiffness; a corrected model knows the material
 beyond them. `taught` trains `FFH7` on both: recordings as if of one specimen, and
-histories that the model simulates, faster, slower and slack.
+histories that the model simulates, faster, slower, farther and slack.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from softnn.recording import Recording
 
 INPUTS = "FFH7"
 WIDER = 3.0  # times faster, and slower, than recorded: histories that are simulated
+FURTHER = 1.2  # times farther than recorded: a controller pushes on where stress ends
 RAMPS, RAMP = 12, 8  # of a simulated history, and samples of a ramp
 LEAST = 0.02  # of the strain range: the smallest history
 UNLIKE = 2.0  # times stiffer or softer: no specimen is, so the model is not of it
@@ -157,13 +158,19 @@ def histories(
 ) -> list[Recording]:
     """Recordings of a model, its stress times `factor`, along histories of strain.
 
-    As many small as large ones; some of the way they go beyond rest to the slack side,
-    where a strip bears nothing.
+    As many small as large ones, to a fifth beyond the strains of `span`: a network that
+    is held within its training answers no more torque to more strain beyond it, and a
+    controller that wants more pulls without end. Some of the way they go beyond rest to
+    the slack side, where a strip bears nothing.
     """
     rng = np.random.default_rng([seed, 28])
     low, high = span.strains
     beyond = 0.05 * (high - low)
-    ends = (min(low, -beyond), high) if span.pulls else (low, max(high, beyond))
+    ends = (
+        (min(low, -beyond), FURTHER * high)
+        if span.pulls
+        else (FURTHER * low, max(high, beyond))
+    )
     out = []
     for i in range(count):
         size = float(np.exp(rng.uniform(np.log(LEAST), 0.0)))

@@ -10,11 +10,13 @@ C, and in the closed loop of a walking actuator.
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -83,7 +85,11 @@ SMALL = Size(4, 1, 6, 2, 6, 3, 40, 60, 2, 10_000)
 def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.survivor`; returns the exit code."""
     parser = common.parser("survivor", __doc__)
-    parser.add_argument("--only", default="", help="problems with this in their name")
+    parser.add_argument(
+        "--only",
+        default="",
+        help="problems with this in their name; the rest as found before",
+    )
     parser.add_argument("--page", action="store_true", help="the page alone, from JSON")
     options = parser.parse_args(argv)
 
@@ -98,19 +104,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         problems = [p for p in problems if options.only in p.name]
         if not problems:
             raise InputError(f"--only {options.only!r} is in the name of no problem")
-        rows: list[Row] = []
-        body: Row = {"problems": rows, "size": vars(size)}
+        body, read = kept(place, size, options.seed)
+        rows = {row["name"]: row for row in body["problems"]}
         for problem in problems:
             row, found = judged(problem, size, options.seed, options.smoke)
-            rows.append(row)
-            body |= found
+            rows[problem.name] = row
+            body |= found | {"problems": list(rows.values())}
+            read[problem.name] = data_hash([*problem.known, *problem.unseen])
             # After each, so that what is finished is kept.
             path = common.write_result(
                 "survivor",
                 headline_of(body),
                 body,
                 seed=options.seed,
-                data={p.name: data_hash([*p.known, *p.unseen]) for p in problems},
+                data=read,
                 folder=place,
             )
             print(f"{problem.name}: {row['seconds']:.0f} s", flush=True)
@@ -122,6 +129,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"\nresult: {path}")
 
     return common.guarded(work)
+
+
+def kept(place: Path, size: Size, seed: int) -> tuple[Row, dict[str, str]]:
+    """What an earlier run of the same code has found, and in which data."""
+    code = common.fingerprint([vars(size), seed], files=common.package_files())
+    body: Row = {"problems": [], "size": vars(size), "code": code}
+    file = place / "survivor.json"
+    if file.exists():
+        old = json.loads(file.read_text(encoding="utf-8"))
+        if old.get("code") == code:
+            found = {k: old[k] for k in (*body, "sines", "real_time") if k in old}
+            return found, old["data"]
+    return body, {}
 
 
 def judged(problem: Problem, size: Size, seed: int, smoke: bool) -> tuple[Row, Row]:

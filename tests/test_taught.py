@@ -49,6 +49,7 @@ def test_histories_are_of_the_model_slack_and_of_all_sizes():
     strain = np.concatenate([r.strain for r in made])
     stress = np.concatenate([r.stress_MPa for r in made])
     assert strain.min() < -0.01
+    assert 0.5 < strain.max() <= 0.6
     np.testing.assert_allclose(stress, 3.0 * np.maximum(strain, 0), atol=1e-12)
     pushed = Span((-0.5, 0.0), (0.01, 1.0))
     for r in histories(SPRING, pushed, 5, 0):
