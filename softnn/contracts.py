@@ -237,11 +237,10 @@ class Effect(ABC):
     # Whether the stress of a moment changes what comes out at that moment alone.
     pointwise: bool = True
     on_return: bool = False  # whether only strain that comes back can show it
-    # What other forms of it may depend on, besides its parameters: see `forms`.
-    bends: tuple[str, ...] = ("strain", "largest", "size", "lag")
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of what looks the same -> what tells them apart
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here
+    unknown: frozenset[str] = frozenset()  # forms that a trial keeps from the search
 
     @property
     def id(self) -> str:
@@ -257,6 +256,12 @@ class Effect(ABC):
     def second_forms(self) -> tuple[Effect, ...]:
         """Other laws for the same physics, tried once the effect is suspected."""
         return ()
+
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        """Every law of it that a search may try."""
+        every = (self, *self.second_forms)
+        return tuple(law for law in every if law.form not in self.unknown)
 
     def before(
         self, p: Mapping[str, Array], signal: Signal, state: State

@@ -1,13 +1,17 @@
 """Separable least squares against solvers and closed forms from elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, nnls
 
 from softnn.bounded import bounded
 from softnn.contracts import Chunk, InputError
-from softnn.effects import effect
+from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, put, slots, span
+from softnn.mismatch.base import units_for
+from softnn.mismatch.screen import start_pieces
 from softnn.models.linear import StandardLinearSolid
 from softnn.models.units import BASES, Units, build
 from softnn.simulate import Term, simulate
@@ -175,19 +179,22 @@ def test_moves_are_made_on_top_of_what_a_simulation_has_beyond_its_stand_in():
     assert np.abs(change).max() > 0.01
 
 
-def test_blind_is_the_fit_with_the_columns_free():
-    rng = np.random.default_rng(1)
-    extra = np.sin(3 * TIME)
-    stress = 2.0 * STRAIN + 0.3 * extra + 0.01 * rng.standard_normal(len(TIME))
-    engine = Engine(Data(("a",), (Chunk(TIME, STRAIN),), (stress,)))
-    hooke = Units("hooke", (0.0, 1.0))
-    with engine.blind(extra[:, None]):
-        found = fit(engine, Guess(hooke, np.ones(1)))
-    both = np.linalg.lstsq(np.stack([STRAIN, extra], axis=1), stress, rcond=None)
-    assert found.guess.stiffness[0] == pytest.approx(both[0][0], rel=1e-9)
-    assert found.chi2 == pytest.approx(float(both[1][0]), rel=1e-9)
-    # Outside, the columns are seen again.
-    assert fit(engine, found.guess).chi2 > 10 * found.chi2
+@pytest.mark.parametrize("law", EFFECTS, ids=lambda law: law.id)
+def test_all_starts_of_a_law_in_one_pass_are_each_by_itself(law):
+    chunk = law.telltale()
+    chunks = (chunk, replace(chunk, strain=0.8 * chunk.strain))
+    stress = tuple(c.strain + 0.01 * np.sin(c.time_s) for c in chunks)
+    engine = Engine(Data(("a", "b"), chunks, stress))
+    units = units_for("pl-wiechert", engine.data)
+    guess = Guess(units, np.linspace(0.5, 1.0, units.columns))
+    plain, _ = engine.run(guess, False)
+    for form in law.forms:
+        pieces = start_pieces(engine, form)
+        alone = [engine.run(replace(guess, pieces=(p,)), False)[0] for p in pieces]
+        wanted = np.stack(alone, axis=1) - plain[:, None]
+        found = engine.by_each(guess, pieces)
+        np.testing.assert_allclose(found, wanted, atol=1e-9 * np.abs(wanted).max())
+        assert np.abs(wanted).max() > 0
 
 
 def test_span_leaves_out_columns_that_depend_on_others():

@@ -11,8 +11,9 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from softnn.effects import effect
 from softnn.mismatch import diagnose, diagnosis, read_case
 from softnn.mismatch.base import baseline
-from softnn.mismatch.candidates import ENTRY, Screen, expand
+from softnn.mismatch.candidates import ENTRY, expand
 from softnn.mismatch.case import to_data
+from softnn.mismatch.screen import Screen
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
 

@@ -165,7 +165,7 @@ def dictionary(engine: Engine, base: Fit, pool: Iterable[Effect]) -> Dictionary:
     own: list[int] = []
     seen: dict[tuple[str, int], list[Array]] = {}
     for effect in pool:
-        for law in (effect, *effect.second_forms):
+        for law in effect.forms:
             for piece in starts(engine.data, law):
                 with_it = Guess(guess.units, guess.stiffness, guess.pieces + (piece,))
                 change = engine.run(with_it, False)[0] - plain

@@ -17,7 +17,8 @@ from bench.rivals.problem import Problem, alike
 from softnn.contracts import Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
-from softnn.mismatch.candidates import Lead, Screen, release
+from softnn.mismatch.candidates import release
+from softnn.mismatch.screen import Lead, Screen
 
 MOST = 5  # effects, where AIC would go on
 Price = Callable[[int], float]  # of a parameter, for a number of samples
@@ -73,7 +74,7 @@ def forward(
     tried = {}
     for effect in pool:
         leads: list[Lead] = []
-        for law in (effect, *effect.second_forms):
+        for law in effect.forms:
             leads += screen.lead(law, price)
         if leads:
             lead = max(leads, key=lambda one: one.gain)

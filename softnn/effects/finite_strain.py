@@ -37,7 +37,6 @@ class FiniteStrain(Effect):
         Parameter("section", "-", 0.0, 3.0, 1.0, meaning="power of the cross-section"),
     )
     off = {"amount": 0.0}
-    bends = (*Effect.bends, "flow")
     amplitude = "amount"
     shape: tuple[str, ...] = ("section",)
     where = "in the viscous part, at large strain"

@@ -25,7 +25,6 @@ class GainError(Effect):
     ports = ("stress",)
     parameters = (Parameter("error", "-", -0.8, 4.0, 0.1, meaning="gamma"),)
     off = {"error": 0.0}
-    bends = ("size",)
     amplitude = "error"
     per_recording = ("error",)
     some = True

@@ -36,7 +36,6 @@ class Inertia(Effect):
         ),
     )
     off = {"mass": 0.0}
-    bends = ("lag",)
     amplitude = "mass"
     where = "at reversals and at high frequency"
     exempt = {

@@ -37,7 +37,6 @@ class LoadCellDrift(Effect):
         Parameter("drift_MPa_per_s", "MPa/s", -1.0, 1.0, 1e-4, meaning="a"),
     )
     off = {"drift_MPa_per_s": 0.0}
-    bends = ("time", "size")
     amplitude = "drift_MPa_per_s"
     where = "late in long recordings, loaded or not"
     twins = {

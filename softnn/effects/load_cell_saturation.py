@@ -38,7 +38,6 @@ class LoadCellSaturation(Effect):
         Parameter("knee", "-", 0.0, 0.5, 0.0, meaning="rounding of the corner"),
     )
     off = {"limit_MPa": NEVER_MPa}
-    bends = ("size", "lag")
     amplitude = "limit_MPa"
     shape = ("knee",)
     where = "at the highest stresses"

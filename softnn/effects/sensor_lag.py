@@ -35,7 +35,6 @@ class SensorLag(Effect):
         Parameter("second", "-", 0.0, 1.0, 0.0, meaning="tau_2 over tau_1"),
     )
     off = {"time_constant_s": 0.0}
-    bends = ("lag",)
     amplitude = "time_constant_s"
     shape: tuple[str, ...] = ("second",)
     where = "after every change of rate, growing with rate"

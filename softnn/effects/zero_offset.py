@@ -29,7 +29,6 @@ class ZeroOffset(Effect):
     ports = ("stress",)
     parameters = (Parameter("offset_MPa", "MPa", -1e3, 1e3, 0.02, meaning="sigma_0"),)
     off = {"offset_MPa": 0.0}
-    bends = ()
     amplitude = "offset_MPa"
     per_recording = ("offset_MPa",)
     some = True

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,14 +11,14 @@ from numpy.typing import NDArray
 
 from softnn.bounded import innovations, whitened
 from softnn.contracts import Array, Chunk, Effect, Signal
-from softnn.fit.point import Data, Guess, Slot
+from softnn.fit.point import Data, Guess, Piece, Slot
 from softnn.models.units import Units
 from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
 
 KEPT = 6  # strains that reached the model, last asked for
 ROOM = 3e7  # numbers that may be kept so, where recordings are many
 
-HIGHEST = 0.995  # correlation of neighbouring samples
+HIGHEST = 0.995, 1 - 1e-5  # correlation of samples at one time, of neighbouring ones
 Memory_s = Sequence[tuple[float, float]]  # (share of the variance, time in s), parts
 Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
 
@@ -67,7 +66,6 @@ class Engine:
         self._cache: dict[Any, Any] = {}
         self._inputs: dict[Any, list[Input]] = {}
         self.noises = 0  # set so far: which one is in force
-        self._blind: Array | None = None  # orthonormal, whitened: what no fit may see
         self.set_noise(sigma_MPa, memory)
 
     def set_noise(
@@ -91,7 +89,7 @@ class Engine:
         self._first = np.diff(self.owner, prepend=-1) != 0
         decay = np.exp(-np.maximum(step, 0.0) / tau[self.owner])
         # Samples at one time are not one sample.
-        self._decay = np.minimum(decay, HIGHEST)
+        self._decay = np.minimum(decay, np.where(step > 0, HIGHEST[1], HIGHEST[0]))
         own_share = share[self.owner]
         self._gain, self._scale = innovations(
             self._decay,
@@ -103,32 +101,8 @@ class Engine:
         self.log_norm = float(np.sum(np.log(self._scale / self.sigma)))
         self.noises += 1
 
-    @contextmanager
-    def blind(self, columns: Array) -> Iterator[None]:
-        """Fits within do not see the changes of stress `columns` (valid, k).
-
-        They are projected out of everything whitened, as if each were a free linear
-        parameter of the fit.
-        """
-        white = self.whiten(columns)
-        norm = np.linalg.norm(white, axis=0)
-        u, s, _ = np.linalg.svd(
-            white[:, norm > 0] / norm[norm > 0], full_matrices=False
-        )
-        self._blind = u[:, s > 1e-6 * s.max(initial=0.0)]
-        try:
-            yield
-        finally:
-            self._blind = None
-
     def whiten(self, x: Array) -> Array:
         """Rows (valid samples, ...) as if the noise were independent, of variance 1."""
-        out = self._whiten(x)
-        if self._blind is not None:
-            out -= self._blind @ (self._blind.T @ out)
-        return out
-
-    def _whiten(self, x: Array) -> Array:
         rows = np.ascontiguousarray(x if x.ndim == 2 else x[:, None], float)
         out = whitened(
             rows, self.sigma, self._decay, self._gain, self._scale, self._first
@@ -287,6 +261,39 @@ class Engine:
                         own_copy.add((slot.piece, r, slot.name))
                         values[slot.name] = np.repeat(values[slot.name], sets)
                     values[slot.name][i] = value
+        return self._differences(guess, terms, every, sets, front)
+
+    def by_each(self, guess: Guess, pieces: Sequence[Piece]) -> Array:
+        """Change of stress (valid, pieces) as each piece of one law joins the guess.
+
+        All pieces are of the same form; one pass for all where recordings do not go on
+        from one another.
+        """
+        if self.data.continued:
+            plain, _ = self.run(guess, False)
+            each = [replace(guess, pieces=(*guess.pieces, p)) for p in pieces]
+            return np.stack([self.run(g, False)[0] - plain for g in each], axis=1)
+        law, count = pieces[0].effect, len(self.chunks)
+        off = replace(pieces[0], values={**pieces[0].values, **law.off})
+        terms = [*guess.terms(), off.term()]
+        every = [t.each(count) for t in terms[:-1]]
+        ways = [p.term().each(count) for p in (off, *pieces)]
+        every.append(
+            [
+                {k: np.concatenate([way[r][k] for way in ways]) for k in ways[0][r]}
+                for r in range(count)
+            ]
+        )
+        sets, front = len(ways), law.acts_before
+        return self._differences(guess, terms, every, sets, front)
+
+    def _differences(
+        self, guess: Guess, terms: Sequence[Term], every: Any, sets: int, front: bool
+    ) -> Array:
+        """Stress (valid, sets - 1) of the sets but the first, less that of the first.
+
+        `front`: whether sets differ in what reaches the model.
+        """
         x, segments = guess.stiffness, guess.units.segments
         inputs = [] if front else self.inputs(guess.units, terms, every)
         change = []

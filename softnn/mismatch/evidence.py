@@ -25,8 +25,8 @@ from softnn.fit import Engine, Fit, get, span
 from softnn.models.unit_kernel import maxwell
 from softnn.state import features
 
-BENDS, SHARED, OWN = 30, 40, 6  # functions: of an effect, of the state, of a recording
-LENGTH = 1.5  # of the functions of the state, in standard deviations of it
+BENDS, SHARED, OWN = 30, 40, 5  # functions: of an effect, of the state, of a recording
+LENGTH = 1.0  # of the functions of the state, in standard deviations of it
 LAGS = (3.0, 30.0)  # typical intervals, by which an effect may trail
 FORM = (0.0, 0.03, 0.1, 0.3)  # tau
 ELSE = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)  # a, of the largest stress
@@ -36,7 +36,7 @@ FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
 UNSAID = 1.6  # log odds against specimens that nobody wrote down: one case in six
-ELSE_PRIOR = 0.001  # of a, where effects are meant to be all there is; of own wander
+ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is; of own wander
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
 FADING = 4  # paces at which what was not written down is forgotten
 ROUNDING = 1e-10
@@ -269,22 +269,34 @@ def states(engine: Engine) -> Array:
 
 
 def fourier(x: Array, count: int, rng: np.random.Generator) -> Array:
-    """Random smooth functions (n, count) of states; sums of them have variance one."""
+    """Random smooth functions (n, count) of states; sums of them have variance one.
+
+    Each is of one feature of the state, or of two: laws bend by few things at a time,
+    and functions of all at once are too many to be met by a few (Duvenaud, Nickisch and
+    Rasmussen 2011, additive Gaussian processes).
+    """
     wave = rng.standard_normal((x.shape[1], count)) / LENGTH
+    of = np.zeros(wave.shape, bool)
+    for j in range(count):
+        of[rng.permutation(x.shape[1])[: 1 + j % 2], j] = True
     phase = rng.uniform(0, 2 * np.pi, count)
-    return np.cos(x @ wave + phase) * np.sqrt(2 / count)
+    return np.cos(x @ (wave * of) + phase) * np.sqrt(2 / count)
 
 
 def by_recording(engine: Engine) -> Array:
-    """Smooth functions (valid, k) of the time of each recording, the others zero."""
+    """Smooth functions (valid, k) of the time of each recording, the others zero.
+
+    None is constant: that is an offset, which has a name.
+    """
     out = np.zeros((len(engine.target), OWN * len(engine.chunks)))
     for r, chunk in enumerate(engine.chunks):
         known = np.isfinite(engine.data.stress_MPa[r])
         time = chunk.time_s[known] - chunk.time_s[0]
         share = time / max(float(np.ptp(chunk.time_s)), 1e-300)
-        waves = np.cos(np.pi * np.outer(share, np.arange(OWN)))
+        half = 1 + np.arange(OWN)  # periods
+        waves = np.cos(np.pi * np.outer(share, half))
         rows = engine.owner == r
-        out[rows, OWN * r : OWN * (r + 1)] = waves / (1 + np.arange(OWN))
+        out[rows, OWN * r : OWN * (r + 1)] = waves / (1 + half)
     return out
 
 

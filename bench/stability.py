@@ -1,0 +1,181 @@
+"""Do the names hold when recordings are hardly changed, or have half the noise?
+
+Cases of a folder (`cases/`, `truth/`), and real recordings of SOFTNN_DATA with --real,
+are diagnosed as they are and changed: a row less in each recording, a NaN, a row twice,
+stress in other units, the recordings in another order, another seed. Where the truth
+folder has the noise-free stress (`clean/`), half the noise too: no true name may go, no
+false one come. Written to studies/results/stability.json.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import as_completed
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from bench.recordings.groups import discover
+from bench.reporting import share
+from bench.scoring import Rate
+from softnn.contracts import Array, InputError
+from softnn.mismatch import Case, diagnose, read_case
+from softnn.readers.tidy import data_folder
+from softnn.recording import Recording
+from softnn.study.common import (
+    guarded,
+    markdown,
+    parser,
+    results_folder,
+    write_result,
+)
+from softnn.workers import workers
+
+HALF, SEED = "half the noise", "another seed"
+Change = Callable[[Case, np.random.Generator], Case]
+
+
+def each(do: Callable[[Recording, int], Recording]) -> Change:
+    """The change of every recording at a row somewhere in the middle of it."""
+
+    def changed(case: Case, rng: np.random.Generator) -> Case:
+        rows = [int(rng.integers(1, len(r.time_s) - 1)) for r in case.recordings]
+        pairs = zip(case.recordings, rows, strict=True)
+        return replace(case, recordings=tuple(do(r, row) for r, row in pairs))
+
+    return changed
+
+
+def at(recording: Recording, rows: Array) -> Recording:
+    """The recording with these rows."""
+    warm = recording.temperature_C
+    return replace(
+        recording,
+        time_s=recording.time_s[rows],
+        strain=recording.strain[rows],
+        stress_MPa=recording.stress_MPa[rows],
+        temperature_C=None if warm is None else warm[rows],
+    )
+
+
+def without(recording: Recording, row: int) -> Recording:
+    return at(recording, np.delete(np.arange(len(recording.time_s)), row))
+
+
+def unknown(recording: Recording, row: int) -> Recording:
+    stress = recording.stress_MPa.copy()
+    stress[row] = np.nan
+    return replace(recording, stress_MPa=stress)
+
+
+def twice(recording: Recording, row: int) -> Recording:
+    return at(recording, np.insert(np.arange(len(recording.time_s)), row, row))
+
+
+def by(factor: float) -> Change:
+    return each(lambda r, _: replace(r, stress_MPa=factor * r.stress_MPa))
+
+
+CHANGES: dict[str, Change] = {
+    "a row less": each(without),
+    "a NaN": each(unknown),
+    "a row twice": each(twice),
+    "stress x 10": by(10.0),
+    "stress x 1000": by(1000.0),
+    "other order": lambda case, _: replace(case, recordings=case.recordings[::-1]),
+    SEED: lambda case, _: case,
+}
+
+
+def quieter(case: Case, clean: Path) -> Case:
+    """The case with half its noise; `clean` has the stress without any."""
+
+    def half(r: Recording) -> Recording:
+        table = pd.read_csv(clean / f"{r.name}.csv")
+        known = np.interp(r.time_s, table["time_s"], table["stress_MPa"])
+        return replace(r, stress_MPa=known + 0.5 * (r.stress_MPa - known))
+
+    return replace(case, recordings=tuple(map(half, case.recordings)))
+
+
+def trial(case: Case, true: Sequence[str] | None, clean: Path | None) -> dict[str, Any]:
+    """Names of a case as it is and changed; `true` where its truth is known."""
+    rng = np.random.default_rng(0)
+    ways: dict[str, Case] = {"as it is": case}
+    for name, change in CHANGES.items():
+        if name != "other order" or case.history == "fresh":
+            ways[name] = change(case, rng)
+    if clean is not None and clean.is_dir():
+        ways[HALF] = quieter(case, clean)
+    named = {
+        name: sorted(diagnose(one, seed=int(name == SEED)).selected)
+        for name, one in ways.items()
+    }
+    return {"case": case.name, "true": true, "named": named}
+
+
+def told(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Shares of cases with the same names, and what half the noise does to them."""
+    out: dict[str, Any] = {}
+    for name in CHANGES:
+        mine = [r["named"] for r in rows if name in r["named"]]
+        out[name] = Rate(sum(n[name] == n["as it is"] for n in mine), len(mine)).entry()
+    shares = [out[name] for name in CHANGES]
+    same = Rate(sum(s["right"] for s in shares), sum(s["of"] for s in shares))
+    out["hardly changed"] = same.entry()
+    halved = [r for r in rows if HALF in r["named"] and r["true"] is not None]
+    fewer = more = 0
+    for r in halved:
+        was, now, true = map(set, (r["named"]["as it is"], r["named"][HALF], r["true"]))
+        fewer += len(now & true) < len(was & true)
+        more += len(now - true) > len(was - true)
+    out["fewer true names"] = Rate(fewer, len(halved)).entry()
+    out["more false names"] = Rate(more, len(halved)).entry()
+    return out
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.stability`; returns the exit code."""
+    p = parser("stability", __doc__)
+    p.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
+    p.add_argument("--real", nargs="*", metavar="SET", help="sets of SOFTNN_DATA (all)")
+    p.add_argument("--cases", type=int, default=20, help="of each folder (20)")
+    p.add_argument("--jobs", type=int, default=2)
+    return guarded(lambda: run(p.parse_args(argv)))
+
+
+def run(a: Any) -> None:
+    tasks: list[tuple[Case, Sequence[str] | None, Path | None]] = []
+    for folder in a.folders:
+        for path in sorted((folder / "cases").iterdir())[: a.cases]:
+            truth = folder / "truth" / path.name
+            true = json.loads((truth / "truth.json").read_text("utf-8"))["effects"]
+            tasks.append((read_case(path), true, truth / "clean"))
+    if a.real is not None:
+        groups, _ = discover(data_folder(), a.real)
+        tasks += [(g.case(), None, None) for g in groups]
+    if a.smoke:
+        from bench.recordings.virtual import made_up
+
+        tasks = [(made_up(a.seed)[0].case(), None, None)]
+    if not tasks:
+        raise InputError("no cases; give a FOLDER with cases/ and truth/, or --real")
+    rows = []
+    with workers(1 if a.smoke else a.jobs) as pool:
+        futures = [pool.submit(trial, *task) for task in tasks]
+        for future in tqdm(as_completed(futures), total=len(tasks), unit="case"):
+            rows.append(future.result())
+    result = told(rows)
+    print(markdown(["change", "cases"], [[k, share(v)] for k, v in result.items()]))
+    write_result(
+        "stability",
+        {k: v["rate"] for k, v in result.items()},
+        {"rates": result, "rows": sorted(rows, key=lambda r: str(r["case"]))},
+        seed=a.seed,
+        folder=results_folder(a.smoke),
+    )

@@ -1,0 +1,217 @@
+"""Score tests: what each effect could take up of what a fit leaves.
+
+An atom is the change of stress that an effect makes, less what the columns of the fit
+absorb. Its gain says what a fit could win, without making one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softnn.contracts import Array, Effect
+from softnn.fit import Engine, Fit, Piece, span
+
+
+@dataclass(frozen=True)
+class Lead:
+    """An effect that the score test points to, with where to start its fit."""
+
+    piece: Piece
+    gain: float  # of chi2, linearised
+
+
+def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
+    """A piece for each start of an effect: core parameters free, all recordings on."""
+    scales = engine.data.scales()
+    effect = effect.within(scales)
+    return pieces_at(engine, effect, effect.starts(scales))
+
+
+def pieces_at(
+    engine: Engine, effect: Effect, starts: Sequence[Mapping[str, Any]]
+) -> list[Piece]:
+    """A piece for each of these starts; see `start_pieces`."""
+    r = len(engine.chunks)
+    out = []
+    fixed = effect.defaults()
+    for start in starts:
+        values: dict[str, Any] = fixed | dict(start)
+        for p in effect.parameters:
+            inside = np.clip(values[p.name], p.low, p.high)
+            if p.name in effect.per_recording:
+                values[p.name] = np.broadcast_to(inside, (r,)).astype(float)
+            else:
+                values[p.name] = float(inside)
+        free = tuple(p.name for p in effect.parameters if p.name not in effect.shape)
+        groups = tuple((i,) for i in range(r)) if effect.per_recording else ()
+        out.append(Piece(effect, values, free, groups))
+    return out
+
+
+def in_all(effect: Effect) -> bool:
+    """Whether an effect of single recordings may be one and the same in all."""
+    return len(effect.per_recording) == 1 and not effect.some
+
+
+def only(piece: Piece, recordings: NDArray[np.integer]) -> Piece:
+    """The piece in these recordings, off in the others."""
+    values = dict(piece.values)
+    for name, off in piece.effect.off.items():
+        array = np.full(len(values[name]), off)
+        array[recordings] = values[name][recordings]
+        values[name] = array
+    groups = tuple((int(r),) for r in sorted(recordings))
+    return replace(piece, values=values, groups=groups)
+
+
+class Screen:
+    """Score tests at one fit: the residual, and what the fit can still absorb."""
+
+    def __init__(self, engine: Engine, base: Fit) -> None:
+        self.engine, self.base = engine, base
+        self.q = span(base.free_columns)
+        self.residual = base.residual - self.q @ (self.q.T @ base.residual)
+
+    def project(self, atoms: Array) -> Array:
+        return atoms - self.q @ (self.q.T @ atoms)
+
+    def lead(self, effect: Effect, threshold: float) -> list[Lead]:
+        """Leads of an effect from each of its starts.
+
+        One of single recordings is asked for in each, and as the same in all of them:
+        what is too small to be seen in any may be seen in all.
+        """
+        pieces = start_pieces(self.engine, effect)
+        change = self._changes(pieces)
+        if not effect.per_recording:
+            return self._whole(pieces, change)
+        leads = self._greedy(pieces, change, threshold)
+        if in_all(effect) and len(self.engine.chunks) > 1:
+            every = (tuple(range(len(self.engine.chunks))),)
+            for lead in self._whole(pieces, change):
+                leads.append(replace(lead, piece=replace(lead.piece, groups=every)))
+        return leads
+
+    def closer(self, effect: Effect, threshold: float) -> list[Lead]:
+        """Leads of an effect from its closer starts, one of each shape."""
+        scales = self.engine.data.scales()
+        effect = effect.within(scales)
+        out = []
+        for starts in effect.closer(scales):
+            pieces = pieces_at(self.engine, effect, starts)
+            out += self._greedy(pieces, self._changes(pieces), threshold)
+        return out
+
+    def _changes(self, pieces: Sequence[Piece]) -> Array:
+        """Whitened change of stress (valid, pieces) that each makes."""
+        return self.engine.whiten(self.engine.by_each(self.base.guess, pieces))
+
+    def _whole(self, pieces: Sequence[Piece], change: Array) -> list[Lead]:
+        """A lead from each piece, in all recordings."""
+        size = (change**2).sum(axis=0) - ((self.q.T @ change) ** 2).sum(axis=0)
+        c, gain = _signed(pieces, size, change.T @ self.residual)
+        return [
+            Lead(_scaled(piece, float(by)), float(won))
+            for piece, by, won in zip(pieces, c, gain, strict=True)
+            if won > 0
+        ]
+
+    def _greedy(
+        self, pieces: Sequence[Piece], change: Array, threshold: float
+    ) -> list[Lead]:
+        """Recordings one after the other, each from the start that suits it best.
+
+        On the products of all atoms alone; each that is chosen is swept out of them.
+        """
+        starts, recordings = len(pieces), len(self.engine.chunks)
+        gram = np.zeros((recordings * starts,) * 2)
+        taken = np.empty((self.q.shape[1], recordings * starts))
+        dot = np.empty(recordings * starts)
+        for r in range(recordings):
+            mine, rows = slice(r * starts, (r + 1) * starts), self.engine.owner == r
+            own = change[rows]
+            gram[mine, mine] = own.T @ own
+            taken[:, mine] = self.q[rows].T @ own
+            dot[mine] = own.T @ self.residual[rows]
+        gram -= taken.T @ taken
+        whole = np.maximum(np.diag(gram), 1e-300)
+        every = list(pieces) * recordings
+        chosen: dict[int, tuple[int, float]] = {}
+        total = 0.0
+        # A mistake in some recordings is one only beside others that are right.
+        limit = recordings - int(pieces[0].effect.some)
+        while len(chosen) < limit:
+            size = np.diag(gram).copy()
+            c, gain = _signed(every, size, dot)
+            # What is absorbed by what is in already tells nothing new.
+            gain[size < 0.02 * whole] = 0.0
+            for g in chosen:
+                gain[g * starts : (g + 1) * starts] = 0.0
+            best = int(np.argmax(gain))
+            if gain[best] < max(threshold, 1e-300):
+                break
+            chosen[best // starts] = best % starts, float(c[best])
+            total += float(gain[best])
+            column = gram[best] / size[best]
+            dot = dot - column * dot[best]
+            gram -= np.outer(column, gram[best])
+        if not chosen:
+            return []
+        effect = pieces[0].effect
+        values = {
+            k: np.array(v) if np.ndim(v) else v for k, v in pieces[0].values.items()
+        }
+        for name, off in effect.off.items():
+            if name in effect.per_recording:
+                values[name] = np.full(len(self.engine.chunks), off)
+        for g, (s, c) in chosen.items():
+            for name in effect.per_recording:
+                own = float(pieces[s].values[name][g])
+                values[name][g] = own * c if name == effect.amplitude else own
+        values = clipped(effect, values)
+        groups = tuple((g,) for g in sorted(chosen))
+        return [Lead(Piece(effect, values, pieces[0].free, groups), total)]
+
+
+def _bounds(piece: Piece) -> tuple[float, float]:
+    """Multiples of the start's amplitude that the parameter's range allows, up to 4."""
+    effect = piece.effect
+    p = next(p for p in effect.parameters if p.name == effect.amplitude)
+    value = float(np.max(np.abs(piece.values[effect.amplitude])))
+    if effect.off.get(effect.amplitude) != 0.0:
+        return 0.0, 1.5
+    return max(p.low / value, -4.0), min(p.high / value, 4.0)
+
+
+def _signed(pieces: Sequence[Piece], size: Array, dot: Array) -> tuple[Array, Array]:
+    """Best multiple of each atom within its range, and the gain of chi2, each (atoms,).
+
+    `size` and `dot`: its products with itself and with the residual.
+    """
+    low, high = np.array([_bounds(piece) for piece in pieces]).T
+    there = size > 1e-12
+    c = np.clip(dot / np.where(there, size, 1.0), low, high) * there
+    return c, c * (2 * dot - c * size)
+
+
+def _scaled(piece: Piece, by: float) -> Piece:
+    effect = piece.effect
+    values = dict(piece.values)
+    if effect.off.get(effect.amplitude) == 0.0:
+        factor = by if abs(by) > 0.05 else np.copysign(0.05, by)
+        values[effect.amplitude] = values[effect.amplitude] * factor
+    return replace(piece, values=clipped(effect, values))
+
+
+def clipped(effect: Effect, values: dict[str, Any]) -> dict[str, Any]:
+    out = dict(values)
+    for p in effect.parameters:
+        out[p.name] = np.clip(out[p.name], p.low, p.high)
+        if np.ndim(out[p.name]) == 0:
+            out[p.name] = float(out[p.name])
+    return out

@@ -1,0 +1,137 @@
+r"""Level, memory and grain of the noise of each recording, estimated from the data.
+
+Windows of samples are taken as a cubic in time plus noise of some first-order memory,
+of so many samples or of so many seconds. Level and memory are those of greatest
+restricted likelihood (Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), which
+allows for the noise that the cubic takes up. Each recording has a level of its own,
+shrunk towards that of all by how well its windows know it (James and Stein 1961).
+Windows in which something else happens (a reversal, a slip) are rougher than the rest
+and are left out. Level may grow with the stress; a quantised channel adds step^2 / 12.
+
+Windows know nothing of what is slower than they are. Where a simulation misses little,
+the spectrum of all it leaves does: a sum of white and first-order parts with times a
+factor apart, which 1/f noise is too (Bernamont 1937), their shares of greatest
+likelihood (Whittle 1953) by multiplicative steps (Fevotte and Idier 2011,
+doi:10.1162/NECO_a_00168).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softnn.contracts import Array
+from softnn.noise.one import Noise, quantum, spread_of
+from softnn.noise.spectrum import spectral
+from softnn.noise.windows import Windows, memory, windowed
+
+__all__ = ["Noise", "estimate", "quantum"]
+
+COARSE = 0.5  # of the variance, from which rounding is most of it
+ROUGH = 2.5  # times the expected variance: no window of noise has as much
+GROWTH = np.concatenate([[0.0], np.geomspace(0.03, 300, 18)])  # of variance, at peak
+
+
+def estimate(
+    residuals: Sequence[Array],
+    stresses: Sequence[Array],
+    times: Sequence[Array],
+    whole: bool = False,
+) -> list[Noise]:
+    """Noise of each recording, from residuals of any smooth simulation, or stress.
+
+    residuals, stresses and times are (n,) each; NaN marks what is missing. Windows
+    alone say little of long memory, but are hardly misled by what a simulation misses;
+    the `whole` spectrum is.
+    """
+    windows = windowed(residuals, stresses)
+    steps = [quantum(s) for s in stresses]
+    if windows is None:  # too few samples of each to be pooled
+        return [
+            _short(x, s, q) for x, s, q in zip(residuals, stresses, steps, strict=True)
+        ]
+    interval = np.array([_interval(t) for t in times])
+    rows, parts_of = memory(windows, interval)
+    low = np.floor(rows).astype(int)[windows.whose]
+    share = rows[windows.whose] - low
+    column = np.arange(len(windows.whose))
+    high = np.minimum(low + 1, len(windows.variance) - 1)
+    variance = (1 - share) * windows.variance[low, column]
+    variance += share * windows.variance[high, column]
+    floor2, growth, kept = _levels(variance, windows, len(times))
+    out = []
+    for r, (step, parts) in enumerate(zip(steps, parts_of, strict=True)):
+        plain = max(floor2[r] - step**2 / 12, 0.1 * floor2[r])
+        count = int((kept & (windows.whose == r)).sum())
+        by_stress = float(np.sqrt(growth * floor2[r]))
+        out.append(Noise(float(np.sqrt(plain)), by_stress, step, parts, count))
+    # Rounding lasts while the stress stands still: that is no memory of the channel.
+    grain = np.array(steps)[windows.whose] ** 2 / 12
+    if whole and np.median(grain / windows.variance[0]) < COARSE:
+        return spectral(out, residuals, stresses, interval)
+    return out
+
+
+def _interval(time: Array) -> float:
+    step = np.diff(time)
+    step = step[step > 0]
+    return float(np.median(step)) if len(step) else 1.0
+
+
+def _levels(
+    variance: Array, windows: Windows, count: int
+) -> tuple[Array, float, NDArray[np.bool]]:
+    """floor^2 (recordings,), its growth by stress^2, the windows that are noise alone.
+
+    Recordings without windows have the level of all.
+    """
+    whose, half = windows.whose, windows.degrees / 2
+    top = float(np.max(windows.size)) + 1e-300
+    best: tuple[float, Array, float, NDArray[np.bool]] | None = None
+    for growth in GROWTH:
+        scale = 1 + growth * (windows.size / top) ** 2
+        own = variance / scale
+        level = np.array(
+            [
+                np.quantile(own[whose == r], 0.4) if (whose == r).any() else np.nan
+                for r in range(count)
+            ]
+        )
+        kept = np.ones(len(own), bool)
+        for _ in range(4):
+            kept = own < ROUGH * level[whose]
+            for r in range(count):
+                mine = kept & (whose == r)
+                if mine.any():
+                    level[r] = own[mine].mean()
+        known = np.array([(kept & (whose == r)).sum() for r in range(count)])
+        there = known > 0
+        error = 1 / np.maximum(half * known[there], 1)  # variance of a log level
+        log = np.log(level[there])
+        spread, middle = spread_of(log, error)
+        w = spread / (spread + error)
+        shrunk = np.full(count, middle)
+        shrunk[there] = middle + w * (log - middle)
+        ratio = own / np.exp(shrunk)[whose]
+        # Windows that are no noise have a variance of their own, at a price.
+        ratio = np.where(kept, ratio, np.log(ratio / ROUGH) + ROUGH)
+        value = -half * np.sum(np.log(scale) + shrunk[whose] + ratio)
+        value -= 0.5 * np.sum(np.log1p(spread / error))
+        value -= 2.0 * (growth > 0)
+        if best is None or value > best[0]:
+            best = value, np.exp(shrunk), growth / top**2, kept
+    assert best is not None
+    return best[1:]
+
+
+def _short(residual: Array, stress: Array, step: float) -> Noise:
+    """A few samples: third differences, taken as white."""
+    x = residual[np.isfinite(residual)]
+    if len(x) >= 5:
+        rough = np.median(np.abs(np.diff(x, 3))) / 0.6745 / np.sqrt(20)
+    else:
+        rough = 0.01 * float(np.nanmax(np.abs(stress)))
+    least = 1e-9 * float(np.nanmax(np.abs(stress), initial=0.0)) + 1e-300
+    return Noise(max(float(rough), least), 0.0, step)
