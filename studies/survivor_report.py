@@ -185,7 +185,7 @@ def draw(body: Result) -> Figure:
         axes.set_ylabel("stress [MPa]")
     panels["b"].legend(fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5))
     axes = panels["errors"]
-    shown = ["corrected model", "FFH7", "recurrent", "Gaussian units", "FFRD4", "FFRI1"]
+    shown = ["FFH7", "FFRD4", "corrected model", "Gaussian units", "recurrent", "FFRI1"]
     marks = "sov^Dx"
     places = np.arange(len(body["problems"]))
     for name, mark, colour in zip(shown, marks, common.COLOURS, strict=True):
