@@ -20,7 +20,7 @@ from torch import Tensor
 from softnn.contracts import Array, InputError
 from softnn.neural.levenberg import DEFAULTS, Result, Settings, minimise
 from softnn.neural.network import Network, Scaling
-from softnn.neural.rows import Rows, normalised, stacked, summary
+from softnn.neural.rows import Rows, nguyen_widrow, normalised, stacked, summary
 
 CHUNK = {"cpu": 2**20, "cuda": 2**27}  # Jacobian entries held at once
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
@@ -312,7 +312,7 @@ def _train_batch(
 
     start = torch.stack(
         [
-            _nguyen_widrow(rng, job.neurons, inputs.shape[1], width)
+            torch.from_numpy(nguyen_widrow(rng, job.neurons, inputs.shape[1], width))
             for rng, job in zip(rngs, jobs, strict=True)
             for _ in range(starts)
         ]
@@ -364,24 +364,6 @@ def _split(parameters: Tensor, d1: int, s: int) -> tuple[Tensor, Tensor, Tensor]
     """Hidden (b, d1, s), output (b, 1, s) and last bias (b, 1) of parameters (b, P)."""
     hidden = parameters[:, : d1 * s].reshape(-1, d1, s)
     return hidden, parameters[:, None, d1 * s : d1 * s + s], parameters[:, -1:]
-
-
-def _nguyen_widrow(rng: np.random.Generator, count: int, d: int, width: int) -> Tensor:
-    """A start (P,) that spreads the active regions of the neurons over [-1, 1]^d.
-
-    Nguyen and Widrow (1990, doi:10.1109/IJCNN.1990.137819).
-    """
-    direction = rng.uniform(-1, 1, (count, d))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    size = 0.7 * count ** (1 / d)
-    offset = np.linspace(-1, 1, count) if count > 1 else np.zeros(1)
-    hidden = np.zeros((d + 1, width))
-    hidden[:d, :count] = size * direction.T
-    hidden[d, :count] = size * offset * np.sign(direction[:, 0])
-    output = np.zeros(width + 1)
-    output[:count] = rng.uniform(-1, 1, count)
-    output[-1] = rng.uniform(-1, 1)
-    return torch.from_numpy(np.concatenate([hidden.ravel(), output]))
 
 
 def _check(
