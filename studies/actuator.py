@@ -2,10 +2,11 @@
 
 Section 7.4 of the thesis (Table 7.3): motor, gearbox and strips of NatPolR in closed
 loop, 15 Nm at the knee in walking. The strips are virtual specimens; the controller
-takes them for a linear spring, PL-SLS, PL-Wiechert or a network, and wins the torque
-from their elongation. Table 7.3 is first held against itself. Torque and knee angle
-are made up (the thesis prints none): one stride a second, as fast as 50 rpm allows.
-`--model` adds a corrected model or a network of your own.
+takes them for a linear spring, PL-SLS, PL-Wiechert, a network of tensile tests, and for
+the corrected model of cyclic recordings and the network taught by it, and wins the
+torque from their elongation. Table 7.3 is first held against itself. Torque and knee
+angle are made up (the thesis prints none): one stride a second, as fast as 50 rpm
+allows. `--model` adds a corrected model or a network of your own.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from softnn.study import common
 from softnn.study.material_data import prepared
 from softnn.study.settings import Settings
 from softnn.study.strips import NAME, STEP_S, VirtualStrip, step_times, strip_models
+from softnn.taught import taught
 from studies.shown.actuator import KNEE, Row, TORQUE_Nm, draw, report
+from studies.survivor_data import model_of, physics, virtual_problem
 
 WORKING = 0.5  # strain, Table 7.3
 
@@ -48,6 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         (data,) = prepared(Settings(material=NAME, seed=options.seed))
         known = [r.take(np.flatnonzero(r.strain <= WORKING)) for r in data.tensile]
         models, modulus = strip_models(known, options.seed)
+        models |= of_cycles(options.seed, options.smoke)
         if options.model:
             models[Path(options.model).stem[:24]] = Compiled(read_model(options.model))
         top = top_stress()
@@ -87,6 +91,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"\nresult: {path}")
 
     return common.guarded(work)
+
+
+def of_cycles(seed: int, smoke: bool) -> dict[str, Strip]:
+    """The corrected model of cyclic recordings, and the network taught by it."""
+    problem = virtual_problem(seed, *((2, 60) if smoke else (17, 400)))
+    found = physics(problem, common.RUNS / "survivor", "sls" if smoke else None)
+    corrected = model_of(found["corrected"])
+    few = {"neurons": 3, "simulated": 4} if smoke else {}
+    network = taught(problem.known, corrected, starts=2, seed=seed, **few)
+    return {"corrected model": Compiled(corrected), "FFH7": Compiled(network)}
 
 
 def top_stress() -> float:

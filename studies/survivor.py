@@ -10,11 +10,13 @@ C, and in the closed loop of a walking actuator.
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,20 +44,19 @@ from softnn.study import common
 from softnn.study.material_data import prepared
 from softnn.study.realtime_inputs import SCENARIOS, STEP_S, law, offsets, sine
 from softnn.study.settings import Settings
+from softnn.taught import INPUTS, histories, lag_of, network_of, simulated_by
 from studies import actuator
 from studies.realtime import counted, networks
 from studies.survivor_data import (
     VIRTUAL,
     Problem,
-    histories,
+    model_of,
     physics,
     real_problems,
-    simulated_by,
     virtual_problem,
 )
 from studies.survivor_report import draw, report, write_page
 
-INPUTS = "FFH7"
 PUBLISHED_NETWORK = "FFRD4 as published"
 LENGTH_mm = 33.0  # of the strips of Table 7.3
 Row = dict[str, Any]
@@ -67,14 +68,14 @@ class Size:
     """How much is spent on each network."""
 
     neurons: int = 12
-    starts: int = 3
+    starts: int = 2
     simulated: int = 60
     units: int = 8  # of the recurrent network
     gaussians: int = 40
     epochs: int = 150
     even: int = 250  # steps of the longest history, of the recurrent network
     samples: int = 400  # of a recording
-    specimens: int = 8  # virtual ones, learned from
+    specimens: int = 17  # virtual ones, learned from: as many as in Table 4.1
     steps: int = 10**6  # of C
 
 
@@ -84,7 +85,11 @@ SMALL = Size(4, 1, 6, 2, 6, 3, 40, 60, 2, 10_000)
 def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.survivor`; returns the exit code."""
     parser = common.parser("survivor", __doc__)
-    parser.add_argument("--only", default="", help="problems with this in their name")
+    parser.add_argument(
+        "--only",
+        default="",
+        help="problems with this in their name; the rest as found before",
+    )
     parser.add_argument("--page", action="store_true", help="the page alone, from JSON")
     options = parser.parse_args(argv)
 
@@ -99,19 +104,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         problems = [p for p in problems if options.only in p.name]
         if not problems:
             raise InputError(f"--only {options.only!r} is in the name of no problem")
-        rows: list[Row] = []
-        body: Row = {"problems": rows, "size": vars(size)}
+        body, read = kept(place, size, options.seed)
+        rows = {row["name"]: row for row in body["problems"]}
         for problem in problems:
             row, found = judged(problem, size, options.seed, options.smoke)
-            rows.append(row)
-            body |= found
+            rows[problem.name] = row
+            body |= found | {"problems": list(rows.values())}
+            read[problem.name] = data_hash([*problem.known, *problem.unseen])
             # After each, so that what is finished is kept.
             path = common.write_result(
                 "survivor",
                 headline_of(body),
                 body,
                 seed=options.seed,
-                data={p.name: data_hash([*p.known, *p.unseen]) for p in problems},
+                data=read,
                 folder=place,
             )
             print(f"{problem.name}: {row['seconds']:.0f} s", flush=True)
@@ -125,17 +131,34 @@ def main(argv: Sequence[str] | None = None) -> int:
     return common.guarded(work)
 
 
+def kept(place: Path, size: Size, seed: int) -> tuple[Row, dict[str, str]]:
+    """What an earlier run of the same code has found, and in which data."""
+    code = common.fingerprint([vars(size), seed], files=common.package_files())
+    body: Row = {"problems": [], "size": vars(size), "code": code}
+    file = place / "survivor.json"
+    if file.exists():
+        old = json.loads(file.read_text(encoding="utf-8"))
+        if old.get("code") == code:
+            found = {k: old[k] for k in (*body, "sines", "real_time") if k in old}
+            return found, old["data"]
+    return body, {}
+
+
 def judged(problem: Problem, size: Size, seed: int, smoke: bool) -> tuple[Row, Row]:
     """All models on one problem; and what only the virtual one is asked."""
     began = time.thread_time()
     models = physics(problem, common.RUNS / "survivor", "sls" if smoke else None)
-    made = histories(problem, models["corrected"], size.simulated, seed)
-    stored, about = survivor(problem, made, size, seed)
+    corrected, base = (model_of(models[k]) for k in ("corrected", "base"))
+    known, factor = problem.alike(corrected)
+    made = histories(corrected, problem.span, size.simulated, seed, factor)
+    lag_s = lag_of(known)
+    stored, how = network_of([*known, *made], lag_s, size.neurons, size.starts, seed)
+    about = {k: getattr(how, k) for k in ("parameters", "gamma", "iterations")}
     predict: dict[str, Predict] = {
-        "corrected model": partial(simulated_by, models["corrected"]),
-        "PL-Wiechert": partial(simulated_by, models["base"]),
+        "corrected model": partial(simulated_by, corrected),
+        "PL-Wiechert": partial(simulated_by, base),
         INPUTS: partial(stress_of, stored),
-        **others(problem, made, size, seed),
+        **others(known, made, lag_s, size, seed),
     }
     found: Row = {}
     if problem.name.startswith("virtual"):
@@ -150,7 +173,7 @@ def judged(problem: Problem, size: Size, seed: int, smoke: bool) -> tuple[Row, R
         "specimens": len(problem.known),
         "unseen": len(problem.unseen),
         "selected": models["selected"],
-        "lag_s": problem.lag_s,
+        "lag_s": lag_s,
         "network": about,
     }
     for name, one in predict.items():
@@ -158,18 +181,6 @@ def judged(problem: Problem, size: Size, seed: int, smoke: bool) -> tuple[Row, R
             row.setdefault(key, {})[name] = value
     row["seconds"] = time.thread_time() - began
     return row, found
-
-
-def survivor(
-    problem: Problem, made: Sequence[Recording], size: Size, seed: int
-) -> tuple[StoredNetwork, Row]:
-    """The network on recordings and simulated histories, and how its training went."""
-    every = [*problem.known, *made]
-    known = samples(every, INPUTS, problem.lag_s)
-    one = trained(known, INPUTS, size, seed, starts=size.starts)
-    about = {k: getattr(one, k) for k in ("parameters", "gamma", "iterations")}
-    seen = Seen.of(every, problem.lag_s)
-    return StoredNetwork(one.network, INPUTS, problem.lag_s, seen), about
 
 
 def trained(
@@ -189,11 +200,15 @@ def trained(
 
 
 def others(
-    problem: Problem, made: Sequence[Recording], size: Size, seed: int
+    recordings: Sequence[Recording],
+    made: Sequence[Recording],
+    lag_s: float,
+    size: Size,
+    seed: int,
 ) -> dict[str, Predict]:
     """The same data on other networks; those of Table 6.3 have the recordings alone."""
-    every = [*problem.known, *made]
-    known = samples(every, INPUTS, problem.lag_s)
+    every = [*recordings, *made]
+    known = samples(every, INPUTS, lag_s)
     mask = np.ones((1, len(known.target)), bool)
     (radial,) = train_radial(
         known.inputs,
@@ -203,7 +218,7 @@ def others(
         seeds=[seed],
         regularisation=BAYESIAN,
     )
-    longest = max(float(np.ptp(r.time_s)) for r in problem.known)
+    longest = max(float(np.ptp(r.time_s)) for r in recordings)
     recurrent = train_recurrent(
         shorter(every, longest),
         units=size.units,
@@ -212,16 +227,16 @@ def others(
         seed=seed,
     )
 
-    def by_radial(recordings: Sequence[Recording]) -> list[Array]:
-        rows = [columns(r, INPUTS, problem.lag_s) for r in recordings]
+    def by_radial(asked: Sequence[Recording]) -> list[Array]:
+        rows = [columns(r, INPUTS, lag_s) for r in asked]
         return [radial.network.predict(x) for x in rows]
 
     out: dict[str, Predict] = {
-        "recurrent": lambda recordings: [recurrent.predict(r) for r in recordings],
+        "recurrent": lambda asked: [recurrent.predict(r) for r in asked],
         "Gaussian units": by_radial,
     }
     for name in PUBLISHED:
-        rows = samples(problem.known, name)
+        rows = samples(recordings, name)
         out[name] = partial(run, trained(rows, name, size, seed).network, name)
     return out
 
@@ -260,7 +275,7 @@ def scores(out: Sequence[Array], problem: Problem) -> Row:
         a * float(a @ b) / max(float(a @ a), 1e-300) for a, b in zip(p, y, strict=True)
     ]
     every, stress = np.concatenate(p), np.concatenate(y)
-    sign = 1 if problem.pulls else -1
+    sign = 1 if problem.span.pulls else -1
     return {
         "nrmse": nrmse(every, stress),
         "scaled": nrmse(np.concatenate(own), stress),

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,6 @@ import numpy as np
 from bench.recordings.groups import discover
 from bench.recordings.predict import usable
 from softnn import virtual
-from softnn.contracts import Array, Chunk
 from softnn.materials import material
 from softnn.mismatch import Case, diagnose
 from softnn.mismatch.case import to_data
@@ -23,6 +20,7 @@ from softnn.model_file import Stored, from_dict
 from softnn.readers.tidy import data_folder
 from softnn.recording import Geometry, Recording
 from softnn.study import common
+from softnn.taught import Span, alike, turns
 
 VIRTUAL = "NatPolR"  # the material of Figs 7.2 and 7.3
 LARGEST = 0.5  # strain of the virtual recordings: the working range of Table 7.3
@@ -34,8 +32,6 @@ SETS = (
     "vhb4910-zhao",
     "vhb4910-hossain2012-digitised",
 )
-WIDER = 3.0  # times faster, and slower, than recorded: histories that are simulated
-RAMPS, RAMP = 12, 8  # of a simulated history, and samples of a ramp
 SHARE = 0.6  # of the specimens are learned from
 
 
@@ -46,30 +42,19 @@ class Problem:
     name: str
     known: tuple[Recording, ...]
     unseen: tuple[Recording, ...]
-    rates: tuple[float, float]  # 1/s, of the histories that are simulated
+    span: Span  # of the histories that are simulated
     scatter: bool = True  # each recording is of a specimen of its own
-
-    @cached_property
-    def strains(self) -> tuple[float, float]:
-        """The least and the largest strain that are learned from."""
-        every = np.concatenate([r.strain for r in self.known])
-        return float(np.nanmin(every)), float(np.nanmax(every))
-
-    @property
-    def lag_s(self) -> float:
-        """The shortest branch of a network: the longest outlasts the recordings."""
-        longest = max(float(np.ptp(r.time_s)) for r in self.known)
-        return float(f"{longest / 1000:.1g}")
-
-    @property
-    def pulls(self) -> bool:
-        """Whether it is pulled; else it is pushed."""
-        return sum(self.strains) > 0
 
     def case(self) -> Case:
         """What is known, as a diagnosis has it."""
         named = {r.name: r.name for r in self.known if self.scatter}
         return Case(self.name, self.known, specimen=named)
+
+    def alike(self, model: Stored) -> tuple[list[Recording], float]:
+        """What is known, as if of the mean specimen; its factor to the model's."""
+        if not self.scatter:
+            return list(self.known), 1.0
+        return alike([replace(r, specimen=r.name) for r in self.known], model)
 
 
 # --- virtual specimens ----------------------------------------------------------------
@@ -84,7 +69,8 @@ def virtual_problem(seed: int, specimens: int, samples: int) -> Problem:
     ]
     unseen = [cyclic(rng, f"mean-{i + 1}", virtual.Specimen()) for i in range(5)]
     kept = whole(usable(Case("", tuple(known)), samples))
-    return Problem(f"virtual {VIRTUAL}", kept, tuple(unseen), RATES)
+    span = replace(Span.of(kept), rates=RATES)
+    return Problem(f"virtual {VIRTUAL}", kept, tuple(unseen), span)
 
 
 def specimen(law: virtual.Calibration, rng: np.random.Generator) -> virtual.Specimen:
@@ -124,31 +110,6 @@ def cyclic(
     )
 
 
-def turns(
-    rng: np.random.Generator,
-    strains: tuple[float, float],
-    rates: tuple[float, float],
-    count: int,
-) -> tuple[Array, Array]:
-    """Times and strains (n,) of corners: ramps, one in ten a hold, from rest at zero.
-
-    One in three leads back to zero; rates are drawn evenly in their logarithm.
-    """
-    time, strain = [0.0], [0.0]
-    for _ in range(count):
-        kind, level = rng.random(), float(rng.uniform(*strains))
-        rate = float(np.exp(rng.uniform(*np.log(rates))))
-        if kind < 0.1:
-            level, lasts = strain[-1], 0.2 * (strains[1] - strains[0]) / rate
-        else:
-            level = 0.0 if kind < 0.4 else level
-            lasts = abs(level - strain[-1]) / rate
-        if lasts > 0:
-            time.append(time[-1] + lasts)
-            strain.append(level)
-    return np.array(time), np.array(strain)
-
-
 # --- real recordings ------------------------------------------------------------------
 
 
@@ -167,18 +128,8 @@ def real_problems(samples: int, wanted: Sequence[str] = SETS) -> list[Problem]:
         order = np.random.default_rng(27).permutation(len(members))
         known = tuple(kept[i] for i in sorted(order[:first]))
         unseen = tuple(kept[i] for i in sorted(order[first:]))
-        speed = np.concatenate([moving(r) for r in known])
-        low, high = np.quantile(speed, [0.1, 0.9])
         name = group.label.replace(": ", ", ")
-        out.append(
-            Problem(
-                name,
-                known,
-                unseen,
-                (float(low) / WIDER, float(high) * WIDER),
-                group.specimens,
-            )
-        )
+        out.append(Problem(name, known, unseen, Span.of(known), group.specimens))
     return out
 
 
@@ -189,14 +140,6 @@ def whole(case: Case) -> tuple[Recording, ...]:
         replace(r, strain=c.strain)
         for r, c in zip(case.recordings, chunks, strict=True)
     )
-
-
-def moving(recording: Recording) -> Array:
-    """Sizes of the strain rate [1/s] where the strain moves."""
-    good = np.isfinite(recording.strain)
-    step = np.diff(recording.time_s[good])
-    rate = np.abs(np.diff(recording.strain[good])[step > 0] / step[step > 0])
-    return rate[rate > 0.2 * np.quantile(rate, 0.9)]
 
 
 # --- physics, and what it simulates ---------------------------------------------------
@@ -228,47 +171,8 @@ def physics(problem: Problem, place: Path, base: str | None = None) -> dict[str,
     return out
 
 
-def simulated_by(model: dict[str, Any], recordings: Sequence[Recording]) -> list[Array]:
-    """Stress (n,) of each recording by a stored model, of a specimen unknown to it."""
-    stored = from_dict(model)
-    data = to_data(Case("", tuple(recordings)))
-    return stored.stress(
-        [f"new {i}" for i in range(len(recordings))],
-        data.chunks,
-        [None] * len(recordings),
-    )
-
-
-def histories(
-    problem: Problem, model: dict[str, Any], count: int, seed: int
-) -> list[Recording]:
-    """Recordings of a model along strain histories drawn at random.
-
-    Some of the way they go beyond rest to the slack side, where a strip bears nothing.
-    """
-    stored = from_dict(model)
-    assert isinstance(stored, Stored)
-    rng = np.random.default_rng([seed, 28])
-    low, high = problem.strains
-    beyond = 0.05 * (high - low)
-    ends = (min(low, -beyond), high) if problem.pulls else (low, max(high, beyond))
-    out = []
-    for i in range(count):
-        shrink = rng.uniform(0.2, 1.0)
-        corners, strains = turns(
-            rng, (ends[0] * shrink, ends[1] * shrink), problem.rates, RAMPS
-        )
-        time = np.concatenate(
-            [np.linspace(a, b, RAMP, endpoint=False) for a, b in pairwise(corners)]
-            + [corners[-1:]]
-        )
-        strain = np.interp(time, corners, strains)
-        (stress,) = stored.stress([f"new {i}"], [Chunk(time, strain)], [None])
-        if problem.pulls:
-            stress = np.where(strain < 0, 0.0, np.maximum(stress, 0.0))
-        else:
-            stress = np.where(strain > 0, 0.0, np.minimum(stress, 0.0))
-        out.append(
-            Recording(time, strain, stress, name=f"simulated {i}", test="cyclic")
-        )
-    return out
+def model_of(found: dict[str, Any]) -> Stored:
+    """The model of a diagnosis, ready to run."""
+    model = from_dict(found)
+    assert isinstance(model, Stored)
+    return model

@@ -28,7 +28,7 @@ ORDER = (
     ("properties", "simulate", "datasets"),
     ("fit",),
     ("crossval", "model_file"),
-    ("search", "tracking", "report"),
+    ("search", "tracking", "report", "taught"),
     ("mismatch",),
     ("export", "motor"),
     ("actuator",),

@@ -7,7 +7,8 @@ import pytest
 
 from softnn.contracts import InputError
 from softnn.study.common import RESULTS
-from studies.survivor_data import LARGEST, cyclic, turns, virtual
+from softnn.taught import turns
+from studies.survivor_data import LARGEST, cyclic, virtual
 from studies.survivor_report import bars, write_page
 
 ONCE_RUN = pytest.mark.skipif(

@@ -49,6 +49,7 @@ def fit_samples(
         regularisation=regularisation,
         settings=settings,
         starts=starts,
+        one_sign=row.bounded,
         threads=threads,
     )
     return [replace(one, network=row.network(**vars(one.network))) for one in trained]

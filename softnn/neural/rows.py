@@ -1,4 +1,4 @@
-"""Rows that networks are trained on: normalised, made fewer, stacked in a batch."""
+"""What training begins with: rows, normalised, made fewer, stacked; first weights."""
 
 from __future__ import annotations
 
@@ -71,3 +71,21 @@ def stacked(sets: list[Rows]) -> tuple[Array, Array, Array, Array]:
         rows = slice(len(one.y))
         x[i, rows, :-1], y[i, rows], weight[i, rows] = one.x, one.y, one.weight
     return x, y, weight, np.array([one.within for one in sets])
+
+
+def nguyen_widrow(rng: np.random.Generator, count: int, d: int, width: int) -> Array:
+    """A start (P,) that spreads the active regions of the neurons over [-1, 1]^d.
+
+    Nguyen and Widrow (1990, doi:10.1109/IJCNN.1990.137819).
+    """
+    direction = rng.uniform(-1, 1, (count, d))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    size = 0.7 * count ** (1 / d)
+    offset = np.linspace(-1, 1, count) if count > 1 else np.zeros(1)
+    hidden = np.zeros((d + 1, width))
+    hidden[:d, :count] = size * direction.T
+    hidden[d, :count] = size * offset * np.sign(direction[:, 0])
+    output = np.zeros(width + 1)
+    output[:count] = rng.uniform(-1, 1, count)
+    output[-1] = rng.uniform(-1, 1)
+    return np.concatenate([hidden.ravel(), output])

@@ -20,7 +20,7 @@ from torch import Tensor
 from softnn.contracts import Array, InputError
 from softnn.neural.levenberg import DEFAULTS, Result, Settings, minimise
 from softnn.neural.network import Network, Scaling
-from softnn.neural.rows import Rows, normalised, stacked, summary
+from softnn.neural.rows import Rows, nguyen_widrow, normalised, stacked, summary
 
 CHUNK = {"cpu": 2**20, "cuda": 2**27}  # Jacobian entries held at once
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
@@ -92,6 +92,8 @@ class _Tanh:
     `weight` times, and not at all where that is 0. `within` (B,) is a sum of squared
     errors that no network changes. A parameter row is W_1 column by column, b_1, w_2,
     b_2. A network with fewer neurons than the widest has zeros there, which stay zero.
+    `slack` (B, m): 1 or -1 where y is no more than a bound, below or above which any
+    answer does, since what hangs loose is held at zero after; 0 elsewhere.
     """
 
     def __init__(
@@ -101,9 +103,11 @@ class _Tanh:
         weight: Tensor,
         within: Tensor,
         neurons: Tensor,
+        slack: Tensor | None = None,
         held_out: _Tanh | None = None,
     ) -> None:
         self.x, self.y, self.weight, self.within = x, y, weight, within
+        self.slack = slack
         self.width = int(neurons.max())
         self.count = weight.sum(dim=1)
         self.size = neurons * (x.shape[2] + 1) + 1
@@ -126,6 +130,8 @@ class _Tanh:
             layer = torch.bmm(self.x[which, rows], hidden).tanh_()
             error = torch.bmm(layer, output.transpose(1, 2)).squeeze(2)
             error += bias - self.y[which, rows]
+            if self.slack is not None:
+                error[self.slack[which, rows] * error < 0] = 0
             total += (self.weight[which, rows] * error * error).sum(dim=1)
         return total
 
@@ -148,6 +154,9 @@ class _Tanh:
             error = torch.bmm(layer, output.transpose(1, 2)).squeeze(2)
             error += bias - self.y[which, rows]
             root = self.weight[which, rows].sqrt() if rows.stop > self.plain else None
+            if self.slack is not None:
+                root = self.weight[which, rows].sqrt() if root is None else root
+                root[self.slack[which, rows] * error < 0] = 0
             if root is not None:
                 error *= root * root
             slope = torch.addcmul(torch.ones_like(output), layer, layer, value=-1)
@@ -190,6 +199,7 @@ def train(
     regularisation: Regularisation = BAYESIAN,
     settings: Settings = DEFAULTS,
     starts: int = 1,
+    one_sign: bool = False,
     device: str = "cpu",
     threads: int | None = None,
 ) -> list[Trained]:
@@ -212,7 +222,7 @@ def train(
 
     def run(group: list[int]) -> list[Trained]:
         chosen = [jobs[i] for i in group]
-        return _train_batch(chosen, regularisation, settings, starts, device)
+        return _train_batch(chosen, regularisation, settings, starts, one_sign, device)
 
     if device != "cpu" or len(groups) == 1:
         done = [run(group) for group in groups]
@@ -260,6 +270,7 @@ def _train_batch(
     regularisation: Regularisation,
     settings: Settings,
     starts: int,
+    one_sign: bool,
     device: str,
 ) -> list[Trained]:
     began = time.perf_counter()
@@ -280,7 +291,14 @@ def _train_batch(
     def problem(sets: list[Rows], repeats: int) -> _Tanh:
         many = [one for one in sets for _ in range(repeats)]
         x, y, weight, within = (torch.from_numpy(a).to(device) for a in stacked(many))
-        return _Tanh(x, y, weight, within, counts.repeat_interleave(repeats))
+        slack = None
+        if one_sign:
+            middle = torch.tensor([float(z.low + z.high) / 2 for _, z in scalings])
+            half = torch.tensor([float(z.half) for _, z in scalings])
+            sign = torch.where(middle >= 0, 1.0, -1.0).repeat_interleave(repeats)
+            zero = (-middle / half).repeat_interleave(repeats)
+            slack = sign[:, None] * (sign[:, None] * (y - zero[:, None]) <= 1e-6)
+        return _Tanh(x, y, weight, within, counts.repeat_interleave(repeats), slack)
 
     def fit(sets: list[Rows], start: Tensor, how: Settings, repeats: int = 1) -> Result:
         task = problem(sets, repeats)
@@ -294,7 +312,7 @@ def _train_batch(
 
     start = torch.stack(
         [
-            _nguyen_widrow(rng, job.neurons, inputs.shape[1], width)
+            torch.from_numpy(nguyen_widrow(rng, job.neurons, inputs.shape[1], width))
             for rng, job in zip(rngs, jobs, strict=True)
             for _ in range(starts)
         ]
@@ -346,24 +364,6 @@ def _split(parameters: Tensor, d1: int, s: int) -> tuple[Tensor, Tensor, Tensor]
     """Hidden (b, d1, s), output (b, 1, s) and last bias (b, 1) of parameters (b, P)."""
     hidden = parameters[:, : d1 * s].reshape(-1, d1, s)
     return hidden, parameters[:, None, d1 * s : d1 * s + s], parameters[:, -1:]
-
-
-def _nguyen_widrow(rng: np.random.Generator, count: int, d: int, width: int) -> Tensor:
-    """A start (P,) that spreads the active regions of the neurons over [-1, 1]^d.
-
-    Nguyen and Widrow (1990, doi:10.1109/IJCNN.1990.137819).
-    """
-    direction = rng.uniform(-1, 1, (count, d))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    size = 0.7 * count ** (1 / d)
-    offset = np.linspace(-1, 1, count) if count > 1 else np.zeros(1)
-    hidden = np.zeros((d + 1, width))
-    hidden[:d, :count] = size * direction.T
-    hidden[d, :count] = size * offset * np.sign(direction[:, 0])
-    output = np.zeros(width + 1)
-    output[:count] = rng.uniform(-1, 1, count)
-    output[-1] = rng.uniform(-1, 1)
-    return torch.from_numpy(np.concatenate([hidden.ravel(), output]))
 
 
 def _check(

@@ -54,11 +54,14 @@ def draw(walks: dict[str, Walk], goal: Array) -> Figure:
     figure = common.new_figure(7.2, 4.0)
     top, bottom = figure.subplots(2, 1, sharex=True)
     last = min(len(goal), 3000)
-    for colour, (name, found) in zip(common.COLOURS, walks.items(), strict=False):
+    for i, (name, found) in enumerate(walks.items()):
+        colour = common.COLOURS[i % len(common.COLOURS)]
+        style: Any = {"linewidth": 1, "color": colour}
+        style["linestyle"] = "-" if i < len(common.COLOURS) else ":"
         t = found.time_s[:last]
-        top.plot(t, found.torque_Nm[:last], color=colour, linewidth=1)
+        top.plot(t, found.torque_Nm[:last], **style)
         off = 100 * (found.torque_Nm - goal)[:last] / TORQUE_Nm
-        bottom.plot(t, off, color=colour, linewidth=1, label=name)
+        bottom.plot(t, off, label=name, **style)
     top.plot(t, goal[:last], "--", color=common.INK, linewidth=1)
     top.set(ylabel="torque [Nm]", title="wanted (dashed) and what the strips give")
     bottom.set(xlabel="time [s]", ylabel="error [% of 15 Nm]")
