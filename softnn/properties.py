@@ -325,7 +325,7 @@ def relaxation(recording: Recording) -> Relaxation:
         stress_start_MPa=start,
         stress_end_MPa=end,
         relaxed_percent=relaxed(start, end),
-        time_s=_decay_time(time - time[0], y, end + (start - end) / np.e),
+        time_s=_decay_time(time - time[0], y, end + (start - end) / np.exp(1)),
         strain=float(np.median(np.abs(recording.strain[hold.start : hold.stop]))),
         hold_s=held,
     )

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import io
 import json
 import os
 import shutil
@@ -24,17 +23,14 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stdout
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pandas as pd
-
 from bench import ledger, scoring
 from bench.concealed import details, noise_check, orders, rivals, sealing
 from bench.concealed.reporting import report
+from bench.concealed.unseen import simulate_unseen
 from softnn.contracts import InputError
 from softnn.study.common import (
     code_of,
@@ -376,34 +372,3 @@ def diagnose(
         "seconds_a_case": wall / len(cases),
         "seconds_alone": sorted(single)[len(single) // 2] if single else None,
     }
-
-
-def simulate_unseen(
-    folder: Path, answers: Sequence[Mapping[str, Any]]
-) -> dict[str, np.ndarray]:
-    """Stress of the corrected models for programmes that stayed in the key, by case.
-
-    `softnn simulate` as a user calls it, but in this process. A model that cannot be
-    simulated is left out, and said.
-    """
-    from softnn.cli import main as softnn
-
-    inputs, found = folder / "unseen", {}
-    inputs.mkdir(exist_ok=True)
-    for answer in answers:
-        name = answer["case"]
-        model = folder / "diagnoses" / name / "model.json"
-        if answer["unseen"] is None or not model.exists():
-            continue
-        file = inputs / f"{name}.csv"
-        columns = {k: v for k, v in answer["unseen"].items() if k != "clean_MPa"}
-        pd.DataFrame(columns).to_csv(file, index=False)
-        command = ["simulate", str(model), str(file), "--out", str(inputs / "out")]
-        with redirect_stdout(io.StringIO()):
-            code = softnn(command)
-        if code == 0:
-            table = pd.read_csv(inputs / "out" / file.name)
-            found[name] = table["simulated_MPa"].to_numpy()
-        else:
-            print(f"{name}: softnn simulate ended with {code}", file=sys.stderr)
-    return found

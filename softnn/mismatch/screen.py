@@ -171,8 +171,8 @@ class Screen:
                 values[name] = np.full(len(self.engine.chunks), off)
         for g, (s, c) in chosen.items():
             for name in effect.per_recording:
-                own = float(pieces[s].values[name][g])
-                values[name][g] = own * c if name == effect.amplitude else own
+                begun = float(pieces[s].values[name][g])
+                values[name][g] = begun * c if name == effect.amplitude else begun
         values = clipped(effect, values)
         groups = tuple((g,) for g in sorted(chosen))
         return [Lead(Piece(effect, values, pieces[0].free, groups), total)]
