@@ -169,10 +169,10 @@ class Screen:
         for name, off in effect.off.items():
             if name in effect.per_recording:
                 values[name] = np.full(len(self.engine.chunks), off)
-        for g, (s, c) in chosen.items():
+        for g, (s, by) in chosen.items():
             for name in effect.per_recording:
                 begun = float(pieces[s].values[name][g])
-                values[name][g] = begun * c if name == effect.amplitude else begun
+                values[name][g] = begun * by if name == effect.amplitude else begun
         values = clipped(effect, values)
         groups = tuple((g,) for g in sorted(chosen))
         return [Lead(Piece(effect, values, pieces[0].free, groups), total)]
