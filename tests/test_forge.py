@@ -182,7 +182,7 @@ def test_the_forge_knows_nothing_of_softnn():
                 n.split(".")[0] == "softnn" for n in names
             ):
                 knowing.add(file.name)
-    assert knowing == {"trial.py", "reporting.py", "noise_check.py"}
+    assert knowing == {"trial.py", "reporting.py", "noise_check.py", "unseen.py"}
 
 
 def test_a_case_is_made_at_any_level_of_noise():
