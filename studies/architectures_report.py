@@ -226,7 +226,7 @@ def draw(found: Sequence[Mapping[str, Any]]) -> Figure:
     """Both errors of every trial, the front as a line, a panel a material."""
     columns = min(len(found), 3)
     rows = -(-len(found) // columns)
-    figure = new_figure(max(5.6, 3.4 * columns), 3.3 * rows + 0.9)
+    figure = new_figure(max(5.6, 3.4 * columns), 3.3 * rows + 1.2)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(found) :]:
         axes.set_visible(False)
@@ -239,7 +239,7 @@ def draw(found: Sequence[Mapping[str, Any]]) -> Figure:
         list(handles.values()),
         list(handles),
         loc="outside lower center",
-        ncols=min(5, 2 + columns * 2),
+        ncols=3 if columns < 3 else 5,
         fontsize=7,
     )
     return figure
