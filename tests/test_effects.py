@@ -188,8 +188,9 @@ def test_pointwise_is_said_where_it_is_so(law):
     assert law.pointwise == (not elsewhere.any())
 
 
+@pytest.mark.parametrize("continued", [False, True])
 @pytest.mark.parametrize("law", LAWS, ids=IDS)
-def test_moves_made_at_once_equal_one_at_a_time(law):
+def test_moves_made_at_once_equal_one_at_a_time(law, continued):
     # Behind a gap, so that each move may have a strain of its own.
     chunk = law.telltale()
     gap, size = effect("slack"), float(np.abs(chunk.strain).max())
@@ -205,7 +206,7 @@ def test_moves_made_at_once_equal_one_at_a_time(law):
         STIFFNESS,
         (Piece(gap, values, ("gap",), apart), Piece(law, given, free, apart)),
     )
-    data = Data(("a", "b"), (chunk, chunk), (chunk.strain, chunk.strain))
+    data = Data(("a", "b"), (chunk, chunk), (chunk.strain, chunk.strain), continued)
     engine = Engine(data)
     where = slots(guess)
     moves = [

@@ -21,6 +21,8 @@ ROOM = 3e7  # numbers that may be kept so, where recordings are many
 HIGHEST = 0.995, 1 - 1e-5  # correlation of samples at one time, of neighbouring ones
 Memory_s = Sequence[tuple[float, float]]  # (share of the variance, time in s), parts
 Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
+# Of branches, to go on from: the time of each set; last strains and unit stresses.
+Carried = tuple[Array, tuple[Array, Array] | None] | None
 
 
 def span(columns: Array) -> Array:
@@ -244,8 +246,8 @@ class Engine:
     ) -> Array:
         """Change of stress (valid, moves) as slots of the guess's pieces are moved.
 
-        One pass for all moves; recordings must not go on from one another. The guess
-        goes through it beside them, so that what changes nothing changes by nothing.
+        One pass for all moves. The guess goes through it beside them, so that what
+        changes nothing changes by nothing.
         """
         sets = len(moves) + 1
         terms, count = guess.terms(), len(self.chunks)
@@ -255,24 +257,21 @@ class Engine:
             for slot, value in moved:
                 front = front or terms[slot.piece].effect.acts_before
                 of = range(count) if slot.recordings is None else slot.recordings
-                for r in of:
+                # What is carried on is of all sets, from the first recording.
+                for r in range(count) if self.data.continued else of:
                     values = every[slot.piece][r]
                     if (slot.piece, r, slot.name) not in own_copy:
                         own_copy.add((slot.piece, r, slot.name))
                         values[slot.name] = np.repeat(values[slot.name], sets)
-                    values[slot.name][i] = value
+                for r in of:
+                    every[slot.piece][r][slot.name][i] = value
         return self._differences(guess, terms, every, sets, front)
 
     def by_each(self, guess: Guess, pieces: Sequence[Piece]) -> Array:
         """Change of stress (valid, pieces) as each piece of one law joins the guess.
 
-        All pieces are of the same form; one pass for all where recordings do not go on
-        from one another.
+        All pieces are of the same form; one pass for all.
         """
-        if self.data.continued:
-            plain, _ = self.run(guess, False)
-            each = [replace(guess, pieces=(*guess.pieces, p)) for p in pieces]
-            return np.stack([self.run(g, False)[0] - plain for g in each], axis=1)
         law, count = pieces[0].effect, len(self.chunks)
         off = replace(pieces[0], values={**pieces[0].values, **law.off})
         terms = [*guess.terms(), off.term()]
@@ -296,39 +295,54 @@ class Engine:
         """
         x, segments = guess.stiffness, guess.units.segments
         inputs = [] if front else self.inputs(guess.units, terms, every)
+        memory: Memory = {}
+        carried: Carried = None
         change = []
         for r, chunk in enumerate(self.chunks):
+            if not self.data.continued:
+                memory, carried = {}, None
             values_ = [own[r] for own in every]
             if front:
-                signal = reach(terms, values_, chunk, {})
+                signal = reach(terms, values_, chunk, memory)
                 eq = guess.units.spring_stress(signal.strain, x[:segments])
-                br = self._borne(guess.units, r, signal, x[segments:])
+                br, carried = self._borne(
+                    guess.units, r, signal, x[segments:], carried
+                )
             else:
                 signal, springs, branch = inputs[r]
                 eq = (springs @ x[:segments])[:, None]
                 br = (branch @ x[segments:])[:, None]
             if self.remainder is not None:
                 eq = eq + self.remainder[r][:, None]
-            out = self._through(terms, values_, signal, eq, br, {})
+            out = self._through(terms, values_, signal, eq, br, memory)
             out = np.broadcast_to(out, (len(out), sets))
             change.append(out[:, 1:] - out[:, :1])
         return self._seen(np.concatenate(change))
 
-    def _borne(self, units: Units, r: int, signal: Signal, stiffness: Array) -> Array:
-        """Stress (n, sets) of the branches, each set in its own time."""
+    def _borne(
+        self, units: Units, r: int, signal: Signal, stiffness: Array, carried: Carried
+    ) -> tuple[Array, Carried]:
+        """Stress (n, sets) of the branches, each set in its own time, and the state."""
         strain, time = signal.branch_strain, signal.branch_time_s
+        before, state = (None, None) if carried is None else carried
         if time is None:
-            decays = self.decays(units, r, signal.time_s)
-            return units.branch_stress(decays, strain, stiffness)
+            last = None if before is None else float(before[0])
+            decays = self.decays(units, r, signal.time_s, last)
+            out, state = units.branch_stress(decays, strain, stiffness, state)
+            return out, (signal.time_s[-1:], state)
         sets = max(strain.shape[1], time.shape[1])
         strain, time = (np.broadcast_to(a, (len(a), sets)) for a in (strain, time))
-        columns = [
-            units.branch_stress(
-                units.decays(time[:, j], None), strain[:, j : j + 1], stiffness
-            )
-            for j in range(sets)
-        ]
-        return np.concatenate(columns, axis=1)
+        out = np.empty(strain.shape)
+        states = []
+        for j in range(sets):
+            one = slice(j, j + 1)
+            own = None if state is None else (state[0][one], state[1][one])
+            decays = units.decays(time[:, j], None if before is None else before[j])
+            part, own = units.branch_stress(decays, strain[:, one], stiffness, own)
+            out[:, one] = part
+            states.append(own)
+        ends, inner = zip(*states, strict=True)
+        return out, (time[-1], (np.concatenate(ends), np.concatenate(inner)))
 
     @staticmethod
     def _through(

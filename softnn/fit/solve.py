@@ -135,7 +135,7 @@ def passes(
     kinds: dict[bool, list[int]] = {}
     for i, moved in enumerate(moves):
         piece = moved[0][0].piece
-        if piece < 0 or engine.data.continued:
+        if piece < 0:
             places, values = zip(*moved, strict=True)
             out[i] = engine.run(put(guess, places, values), False)[0] - stress
         else:
@@ -161,7 +161,7 @@ def fit(
     where = slots(guess)
     damping, count = 1e-3, 0
     jacobian = np.zeros((len(stress), 0))
-    fresh = False
+    fresh = settled = False
     while where and count < iterations:
         count += 1
         jacobian = engine.whiten(derivative(engine, guess, where, stress))
@@ -209,12 +209,14 @@ def fit(
         fresh = False
         damping = max(damping / 5, 1e-7)
         if gained < tolerance:
+            settled = True  # derivatives are as good as those of a step before
             break
-    stress, slope = engine.run(guess, True)  # not the linearised one
-    assert slope is not None
-    a = engine.whiten(slope)
-    residual = engine.whiten(engine.target - stress)
-    if where and not fresh:
+    if not settled:
+        stress, slope = engine.run(guess, True)  # not the linearised one
+        assert slope is not None
+        a = engine.whiten(slope)
+        residual = engine.whiten(engine.target - stress)
+    if where and not (fresh or settled):
         jacobian = engine.whiten(derivative(engine, guess, where, stress))
     return Fit(
         guess,

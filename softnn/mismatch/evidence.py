@@ -74,7 +74,7 @@ class Weigher:
         self.stiffer = base.stress[:, None] * fourier(x, SHARED, rng)
         self.own = engine.level * by_recording(engine)
         self.unseen = unwritten(engine, base)
-        self._white: tuple[int, Array, Array] | None = None
+        self._white: tuple[int, Array, Array, Array] | None = None
 
     def weigh(self, found: Fit, whole: bool = True) -> Evidence:
         """The evidence of a fit under the noise that the engine weighs by.
@@ -84,9 +84,9 @@ class Weigher:
         engine = self.engine
         if self._white is None or self._white[0] != engine.noises:
             both = np.concatenate([self.shared, self.stiffer, self.own], axis=1)
-            unseen = engine.whiten(self.unseen)
-            self._white = engine.noises, engine.whiten(both), unseen
-        _, other, unseen = self._white
+            other, unseen = engine.whiten(both), engine.whiten(self.unseen)
+            self._white = engine.noises, other, unseen, other.T @ other
+        _, other, unseen, products = self._white
         bent = [self.bent(change) for change in changes(engine, found)]
         form = (
             engine.whiten(np.concatenate(bent, axis=1))
@@ -98,17 +98,14 @@ class Weigher:
         # Weights of the scatter are counted from none, not from where the fit has them.
         residual = found.residual + had
         residual = residual - q @ (q.T @ residual)
-        columns = np.concatenate([form, other, apart], axis=1)
-        columns = columns - q @ (q.T @ columns)
-        gram, right = columns.T @ columns, columns.T @ residual
-        sizes = [
-            form.shape[1],
-            SHARED,
-            SHARED,
-            self.own.shape[1],
-            apart.shape[1],
-        ]
-        kinds = np.repeat(np.arange(len(sizes)), sizes)
+        mine = np.concatenate([form, apart], axis=1)
+        across = mine.T @ other
+        gram = np.block([[mine.T @ mine, across], [across.T, products]])
+        taken = np.concatenate([q.T @ mine, q.T @ other], axis=1)
+        gram -= taken.T @ taken
+        right = np.concatenate([residual @ mine, residual @ other])
+        sizes = [form.shape[1], apart.shape[1], SHARED, SHARED, self.own.shape[1]]
+        kinds = np.repeat([0, len(GRIDS) - 1, 1, 2, 3], sizes)  # places in `GRIDS`
         norm = engine.log_norm - 0.5 * len(residual) * np.log(2 * np.pi)
         plain = norm - 0.5 * float(residual @ residual)
 

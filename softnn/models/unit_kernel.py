@@ -18,12 +18,16 @@ def maxwell(decay, gain, increment, carried, out):
 
 
 @numba.njit(cache=True)
-def borne(decay, gain, increment, stiffness, out):
-    """Stress of all branches together, from rest: increment and out are (n, sets)."""
+def borne(decay, gain, increment, stiffness, carried, out):
+    """Stress of all branches together, added to out (n, sets), as increment is.
+
+    carried (sets, branches): unit stress of each branch before, and after it is done.
+    """
     n, sets = out.shape
     for s in range(sets):
         for j in range(len(stiffness)):
-            q = 0.0
+            q = carried[s, j]
             for i in range(n):
                 q = decay[i, j] * q + gain[i, j] * increment[i, s]
                 out[i, s] += stiffness[j] * q
+            carried[s, j] = q

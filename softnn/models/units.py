@@ -90,17 +90,28 @@ relaxation_times=(1.0, 2.0, 4.0))
         return out + stiffness[-1] * np.maximum(strain - knots[-1], 0)
 
     def branch_stress(
-        self, decays: tuple[Array, Array], strain: Array, stiffness: Array
-    ) -> Array:
-        """Stress of all branches (n, sets) for strains (n, sets), from rest."""
+        self,
+        decays: tuple[Array, Array],
+        strain: Array,
+        stiffness: Array,
+        state: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, tuple[Array, Array]]:
+        """Stress of all branches (n, sets) for strains (n, sets), and the state.
+
+        The state is the last strain (sets,) and what branches carry; None is rest.
+        """
         from softnn.models.unit_kernel import borne
 
-        used = np.flatnonzero(stiffness)
+        used, sets = np.flatnonzero(stiffness), strain.shape[1]
         decay, gain = (np.ascontiguousarray(d[:, used]) for d in decays)
-        increment = np.diff(strain, axis=0, prepend=0.0)
+        last, carried = (np.zeros(sets), None) if state is None else state
+        carried = np.zeros((sets, len(used))) if carried is None else carried.copy()
+        increment = np.empty(strain.shape)
+        increment[0] = strain[0] - last
+        np.subtract(strain[1:], strain[:-1], out=increment[1:])
         out = np.zeros(strain.shape)
-        borne(decay, gain, np.ascontiguousarray(increment), stiffness[used], out)
-        return out
+        borne(decay, gain, increment, stiffness[used], carried, out)
+        return out, (strain[-1], carried)
 
     @cached_property
     def _ends(self) -> tuple[Array, Array, Array]:
