@@ -30,7 +30,7 @@ from softnn.noise import Noise
 EXPANDED = (3, 1, 1)  # accounts of one, two, three effects that are given one more
 PRICE = 5.0  # of an effect, in log evidence, while searching
 ALIKE = 8.0  # of log evidence, by which a form of an effect is as good as another
-FAR = 60.0  # of log evidence, by which an account of several effects is out of it
+FAR = 30.0  # of log evidence, by which an account of several effects is out of it
 TOLD = 0.02  # of log density a sample, by which a noise is another
 NEAR = 10.0  # of log evidence, by which specimens may be behind and yet be tried
 FEWEST = 3  # recordings, to speak of scatter
@@ -95,6 +95,7 @@ def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
                 found += _weighed(weigher, expand(engine, best.fit, pool, LATER))
     if not apart:
         found += _as_specimens(base, weigher, found)
+    found += _as_mistakes(weigher, found, pool)
     found += _asked_again(weigher, found, pool)
     found += _without(weigher, found)
     noise, accounts = _settled(base, weigher, found)
@@ -172,6 +173,26 @@ def _as_specimens(
     if max(map(value, trials)) < max(map(value, found)) - NEAR:
         return []
     return trials[:1] + [apart(a) for a in _worth(rest) if a.effects]
+
+
+def _as_mistakes(
+    weigher: Weigher, found: Sequence[Account], pool: Sequence[Effect]
+) -> list[Account]:
+    """The best account of each number of effects, scales a mistake in some recordings.
+
+    Where most of them agree, what the others differ by need not be specimens.
+    """
+    out: list[Account] = []
+    unsaid = [a for a in found if any(p.unsaid for p in a.fit.guess.pieces)]
+    for size in {len(a.effects) for a in unsaid}:
+        best = max((a for a in unsaid if len(a.effects) == size), key=value)
+        rest = tuple(p for p in best.fit.guess.pieces if not p.unsaid)
+        guess = replace(best.fit.guess, pieces=rest)
+        fixed = best.fit.fixed_base
+        less = fit(weigher.engine, guess, fixed_base=fixed, iterations=0)
+        law = [one for one in pool if one.scatter]
+        out += _weighed(weigher, expand(weigher.engine, less, law, 1))
+    return out
 
 
 def _settled(
