@@ -80,7 +80,9 @@ def test_stress_of_the_base_is_its_columns_times_stiffness():
         first = tuple(d[:half] for d in decays), strain[:half]
         begun, state = units.branch_stress(*first, branches)
         rest = tuple(d[half:] for d in decays), strain[half:]
-        stress += np.concatenate([begun, units.branch_stress(*rest, branches, state)[0]])
+        stress += np.concatenate(
+            [begun, units.branch_stress(*rest, branches, state)[0]]
+        )
         for j in range(3):
             plain, viscous, _ = units.respond(Chunk(TIME, strain[:, j]))
             expected = plain @ springs + viscous @ branches

@@ -357,3 +357,34 @@ def test_bad_training_input_is_refused(change, match):
     y[3] = np.nan
     with pytest.raises(InputError, match="NaN or infinity"):
         train(x, y, neurons=[3], train_mask=np.ones((1, 41), bool), seeds=[0])
+
+
+@pytest.mark.parametrize("how", ["bayesian", "l2=1e-6", "early-stopping"])
+def test_a_network_is_the_same_in_any_company(how):
+    rng = np.random.default_rng(5)
+    x = rng.uniform(-1, 1, (900, 3))
+    y = np.tanh(2 * x[:, 0]) + 0.3 * x[:, 1] * x[:, 2]
+    seen = rng.random((4, 900)) < np.array([[0.3], [0.5], [0.8], [0.9]])
+    size = np.array([3, 6, 6, 6])
+
+    def trained(which, threads):
+        return train(
+            x,
+            y,
+            neurons=size[which],
+            train_mask=seen[which],
+            seeds=which,
+            regularisation=Regularisation.parse(how),
+            settings=Settings(epochs=40),
+            threads=threads,
+        )
+
+    together = trained([0, 1, 2, 3], 2)
+    for which, threads in (([1], 1), ([3, 2], 1), ([2, 3], 2), ([0, 3], 1)):
+        for one, i in zip(trained(which, threads), which, strict=True):
+            np.testing.assert_array_equal(
+                one.network.hidden, together[i].network.hidden
+            )
+            np.testing.assert_array_equal(
+                one.network.output, together[i].network.output
+            )

@@ -305,9 +305,7 @@ class Engine:
             if front:
                 signal = reach(terms, values_, chunk, memory)
                 eq = guess.units.spring_stress(signal.strain, x[:segments])
-                br, carried = self._borne(
-                    guess.units, r, signal, x[segments:], carried
-                )
+                br, carried = self._borne(guess.units, r, signal, x[segments:], carried)
             else:
                 signal, springs, branch = inputs[r]
                 eq = (springs @ x[:segments])[:, None]

@@ -186,12 +186,12 @@ def _step(
     matrix = beta[:, None, None] * exact + alpha[:, None, None] * eye
     factor, info = torch.linalg.cholesky_ex(matrix + mu[:, None, None] * eye)
     step = torch.cholesky_solve(slope.unsqueeze(2), factor).squeeze(2)
-    bad = info.nonzero().squeeze(1)
-    if len(bad):
-        values, vectors = torch.linalg.eigh(matrix[bad])
-        turned = torch.bmm(vectors.transpose(1, 2), slope[bad].unsqueeze(2))
-        turned /= (values.abs() + mu[bad, None]).unsqueeze(2)
-        step[bad] = torch.bmm(vectors, turned).squeeze(2)
+    for i in info.nonzero().squeeze(1).tolist():
+        # One at a time, in memory of its own: rounding depends on where a matrix lies.
+        values, vectors = torch.linalg.eigh(matrix[i].clone())
+        # Sums, not products: those of a matrix with a vector are rounded by place, too.
+        turned = (vectors * slope[i, :, None]).sum(dim=0) / (values.abs() + mu[i])
+        step[i] = (vectors * turned).sum(dim=1)
     return step
 
 

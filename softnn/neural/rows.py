@@ -10,6 +10,7 @@ from softnn.contracts import Array
 from softnn.neural.network import Scaling
 
 CELLS = 512  # a range of inputs; samples in one cell are alike
+PACK = 64  # rows, of which a set is padded to a multiple
 SUBSET = 2000  # samples, where few are alike; enough to fix 81 parameters
 
 
@@ -63,7 +64,7 @@ def summary(whole: Rows, rng: np.random.Generator) -> Rows:
 
 def stacked(sets: list[Rows]) -> tuple[Array, Array, Array, Array]:
     """x (B, m, d + 1), y and weight (B, m), within (B,); padding has weight 0."""
-    most = max(len(one.y) for one in sets)
+    most = max(-(-len(one.y) // PACK) * PACK for one in sets)
     x = np.zeros((len(sets), most, sets[0].x.shape[1] + 1))
     x[:, :, -1] = 1
     y, weight = np.zeros((len(sets), most)), np.zeros((len(sets), most))

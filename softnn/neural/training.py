@@ -22,7 +22,8 @@ from softnn.neural.levenberg import DEFAULTS, Result, Settings, minimise
 from softnn.neural.network import Network, Scaling
 from softnn.neural.rows import Rows, nguyen_widrow, normalised, stacked, summary
 
-CHUNK = {"cpu": 2**20, "cuda": 2**27}  # Jacobian entries held at once
+# Rows taken at once, the same in any company, so that sums are rounded alike.
+CHUNK = {"cpu": 512, "cuda": 2**15}
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
 
 
@@ -117,18 +118,17 @@ class _Tanh:
     def split(self, parameters: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         return _split(parameters, self.x.shape[2], self.width)
 
-    def _chunks(self, networks: int, columns: int) -> list[slice]:
-        most = CHUNK.get(self.x.device.type, CHUNK["cpu"])
-        rows = max(256, most // max(1, networks * columns))
+    def _chunks(self) -> list[slice]:
+        rows = CHUNK.get(self.x.device.type, CHUNK["cpu"])
         total = self.x.shape[1]
         return [slice(i, min(i + rows, total)) for i in range(0, total, rows)]
 
     def sse(self, parameters: Tensor, which: Tensor) -> Tensor:
         hidden, output, bias = self.split(parameters)
         total = self.within[which].clone()
-        for rows in self._chunks(len(which), 2 * self.width):
+        for rows in self._chunks():
             layer = torch.bmm(self.x[which, rows], hidden).tanh_()
-            error = torch.bmm(layer, output.transpose(1, 2)).squeeze(2)
+            error = (layer * output).sum(dim=2)
             error += bias - self.y[which, rows]
             if self.slack is not None:
                 error[self.slack[which, rows] * error < 0] = 0
@@ -142,39 +142,41 @@ class _Tanh:
         b, p, s = len(which), parameters.shape[1], self.width
         d1 = self.x.shape[2]
         pairs = [(k, m) for k in range(d1) for m in range(k, d1)]
-        hessian, gradient = self.x.new_zeros(b, p, p), self.x.new_zeros(b, p)
+        products = self.x.new_zeros(b, p + 1, p + 1)  # of the Jacobian and, last, error
         bent = self.x.new_zeros(b, len(pairs), s)  # sum e d2f/dw_k dw_m
         mixed = self.x.new_zeros(b, d1, s)  # sum e d2f/dw_k dw_2
-        for rows in self._chunks(b, 2 * p):
+        for rows in self._chunks():
             x = self.x[which, rows]
-            jacobian = self.x.new_empty(b, x.shape[1], p)
+            both = self.x.new_empty(b, x.shape[1], p + 1)
+            jacobian = both[:, :, :-1]
             layer = jacobian[:, :, d1 * s : -1]
             torch.tanh(torch.bmm(x, hidden), out=layer)
             jacobian[:, :, -1] = 1
-            error = torch.bmm(layer, output.transpose(1, 2)).squeeze(2)
+            error = (layer * output).sum(dim=2)
             error += bias - self.y[which, rows]
             root = self.weight[which, rows].sqrt() if rows.stop > self.plain else None
             if self.slack is not None:
                 root = self.weight[which, rows].sqrt() if root is None else root
                 root[self.slack[which, rows] * error < 0] = 0
+            both[:, :, -1] = error
             if root is not None:
                 error *= root * root
             slope = torch.addcmul(torch.ones_like(output), layer, layer, value=-1)
             felt = slope * error[:, :, None]
             mixed.baddbmm_(x.transpose(1, 2), felt)
             felt *= layer
-            products = torch.stack([x[:, :, k] * x[:, :, m] for k, m in pairs], dim=1)
-            bent.baddbmm_(products, felt)
+            of_x = torch.stack([x[:, :, k] * x[:, :, m] for k, m in pairs], dim=1)
+            bent.baddbmm_(of_x, felt)
             slope *= output
             for k in range(d1 - 1):
                 torch.mul(
                     slope, x[:, :, k, None], out=jacobian[:, :, k * s : k * s + s]
                 )
             jacobian[:, :, (d1 - 1) * s : d1 * s] = slope
-            gradient += torch.bmm(error[:, None], jacobian).squeeze(1)
             if root is not None:
-                jacobian *= root[:, :, None]
-            hessian.baddbmm_(jacobian.transpose(1, 2), jacobian)
+                both *= root[:, :, None]
+            products.baddbmm_(both.transpose(1, 2), both)
+        hessian, gradient = products[:, :p, :p].contiguous(), products[:, :p, p]
         bent *= -2 * output
         curvature = self.x.new_zeros(b, d1 + 1, s, d1 + 1, s)
         diagonal = curvature.diagonal(dim1=2, dim2=4)  # (b, d1 + 1, d1 + 1, s)
@@ -208,7 +210,7 @@ def train(
     inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
     Normalisation is that of the training samples alone. With `starts` above 1 the best
     of that many starts, by log evidence on the summary of the samples, is trained on.
-    The same seed starts the same network, whatever else is in the batch. `threads` at
+    The same seed gives the same network, whatever else is in the batch. `threads` at
     work, one a core by default; where processes share the cores one is best.
     """
     inputs, target = np.asarray(inputs, float), np.asarray(target, float)
@@ -218,13 +220,13 @@ def train(
         for mask, count, seed in zip(train_mask, neurons, seeds, strict=True)
     ]
     threads = 1 if device != "cpu" else threads or os.cpu_count() or 1
-    groups = _groups(jobs, threads)
+    groups = [list(range(len(jobs)))] if device != "cpu" else _groups(jobs, threads)
 
     def run(group: list[int]) -> list[Trained]:
         chosen = [jobs[i] for i in group]
         return _train_batch(chosen, regularisation, settings, starts, one_sign, device)
 
-    if device != "cpu" or len(groups) == 1:
+    if device != "cpu":
         done = [run(group) for group in groups]
     else:
         # A thread per core, each with torch on one thread: threads inside the small
@@ -253,10 +255,8 @@ class _Job:
 
 
 def _groups(jobs: list[_Job], workers: int) -> list[list[int]]:
-    """Indices of jobs trained together: one size a group where there are workers."""
+    """Indices of jobs trained together: those of one size, shared among workers."""
     order = sorted(range(len(jobs)), key=lambda i: -jobs[i].neurons)
-    if workers == 1:
-        return [order]
     groups: list[list[int]] = []
     for _, same in itertools.groupby(order, key=lambda i: jobs[i].neurons):
         members = list(same)

@@ -59,7 +59,7 @@ def prepared(settings: Settings) -> list[Data]:
     tests prepared in the same way, others up to their largest strain; each at equal
     strain steps, with `MOST_SAMPLES` at most. With `cycles` they see all of the
     recordings that unload (`whole`), and no others. A material of which no recording
-    can be used so is left out.
+    can be used so is left out, and so is a component, which has no stress.
     """
     if settings.data == "virtual":
         if settings.cycles:
@@ -74,7 +74,15 @@ def prepared(settings: Settings) -> list[Data]:
     source = Path(settings.data).name
     groups: dict[str, list[Recording]] = {}
     for recording in recordings:
+        if recording.axes.component:
+            print(
+                f"{recording.name}: no geometry, so no stress; left out",
+                file=sys.stderr,
+            )
+            continue
         groups.setdefault(recording.material or source, []).append(recording)
+    if not groups:
+        raise InputError(f"{source}: no recording has a geometry, so none has a stress")
     if settings.material not in (None, "all"):
         one_of("material", str(settings.material), groups)
         groups = {str(settings.material): groups[str(settings.material)]}
