@@ -66,7 +66,7 @@ class FiniteStrain(Effect):
 
     @property
     def second_forms(self):
-        return (StretchedBranches(), PartlyFinite())
+        return (StretchedBranches(), PartlyFinite(), MaterialBranches())
 
     def starts(self, scales):
         return [{"amount": 1.0, "section": 1.0}]
@@ -150,3 +150,37 @@ class PartlyFinite(FiniteStrain):
 def _weight(share: Array, stretch: Array) -> Array:
     """Stress over that of branches of engineering strain, at one elastic strain."""
     return 1 - share + share / stretch
+
+
+class MaterialBranches(FiniteStrain):
+    r"""Branches that relax in material axes, as those of finite-element codes.
+
+    .. math:: \sigma_b = \lambda^{\kappa} \int E(t - t')\, d\left((1-\kappa)\,
+              \varepsilon + \kappa\,\frac{\lambda^{m} - 1}{m}\right)
+
+    For kappa 1 the overstress is of Piola and Kirchhoff's second kind: of Green's
+    strain for m = 2, of neo-Hookean rubber for m = -3. Simo 1987,
+    doi:10.1016/0045-7825(87)90107-1. The first form is that of spatial axes.
+    """
+
+    parameters = (
+        Parameter("amount", "-", 0.0, 1.0, 1.0, meaning="kappa, 1 all of it"),
+        Parameter("exponent", "-", -4.0, 4.0, -3.0, meaning="m"),
+    )
+    shape: tuple[str, ...] = ("exponent",)
+
+    def before(self, p, signal, state):
+        engineering, share, m = signal.branch_strain, p["amount"], p["exponent"]
+        true = np.log(np.maximum(1 + engineering, 1e-3))
+        near = np.abs(m) < 1e-9
+        finite = np.where(near, true, np.expm1(m * true) / np.where(near, 1.0, m))
+        both = (1 - share) * engineering + share * finite
+        return replace(signal, branch_strain=both), None
+
+    def after(self, p, signal, state):
+        stretch = np.maximum(1 + signal.strain, 1e-3)
+        new = signal.branches * stretch ** p["amount"]
+        return replace(signal, branches=new), None
+
+    def starts(self, scales):
+        return [{"amount": 0.7, "exponent": m} for m in (-3.0, 2.0)]

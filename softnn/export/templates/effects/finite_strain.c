@@ -23,3 +23,11 @@ if ({amount} != 0.0) {
 }
 /*@ PartlyFinite after */
 br *= 1.0 - {amount} + {amount} / fmax(1.0 + e, 1e-3);
+/*@ MaterialBranches before */
+{
+    const double m = {exponent}, hencky = log(fmax(1.0 + b, 1e-3));
+    const double finite = fabs(m) < 1e-9 ? hencky : expm1(m * hencky) / m;
+    b = (1.0 - {amount}) * b + {amount} * finite;
+}
+/*@ MaterialBranches after */
+br *= pow(fmax(1.0 + e, 1e-3), {amount});
