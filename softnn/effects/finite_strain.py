@@ -10,6 +10,7 @@ from softnn.contracts import Array, Effect, Parameter
 from softnn.effects._programmes import ramps
 
 FARTHEST = 2.0  # logarithmic elastic strain of a branch: seven times its length
+THINNEST = 0.05  # stretch of what is pushed flat
 
 
 class FiniteStrain(Effect):
@@ -156,31 +157,28 @@ class MaterialBranches(FiniteStrain):
     r"""Branches that relax in material axes, as those of finite-element codes.
 
     .. math:: \sigma_b = \lambda^{\kappa} \int E(t - t')\, d\left((1-\kappa)\,
-              \varepsilon + \kappa\,\frac{\lambda^{m} - 1}{m}\right)
+              \varepsilon + \kappa\,\frac{1 - \lambda^{-3}}{3}\right)
 
-    For kappa 1 the overstress is of Piola and Kirchhoff's second kind: of Green's
-    strain for m = 2, of neo-Hookean rubber for m = -3. Simo 1987,
-    doi:10.1016/0045-7825(87)90107-1. The first form is that of spatial axes.
+    For kappa 1 the overstress is that of Piola and Kirchhoff's second kind of
+    neo-Hookean rubber, which relaxes where the first form has true stress relax. Simo
+    1987, doi:10.1016/0045-7825(87)90107-1.
     """
 
     parameters = (
         Parameter("amount", "-", 0.0, 1.0, 1.0, meaning="kappa, 1 all of it"),
-        Parameter("exponent", "-", -4.0, 4.0, -3.0, meaning="m"),
     )
-    shape: tuple[str, ...] = ("exponent",)
+    shape: tuple[str, ...] = ()
 
     def before(self, p, signal, state):
-        engineering, share, m = signal.branch_strain, p["amount"], p["exponent"]
-        true = np.log(np.maximum(1 + engineering, 1e-3))
-        near = np.abs(m) < 1e-9
-        finite = np.where(near, true, np.expm1(m * true) / np.where(near, 1.0, m))
-        both = (1 - share) * engineering + share * finite
+        e, share = signal.branch_strain, p["amount"]
+        rubber = -np.expm1(-3 * np.log(np.maximum(1 + e, THINNEST))) / 3
+        both = (1 - share) * e + share * rubber
         return replace(signal, branch_strain=both), None
 
     def after(self, p, signal, state):
-        stretch = np.maximum(1 + signal.strain, 1e-3)
+        stretch = np.maximum(1 + signal.strain, THINNEST)
         new = signal.branches * stretch ** p["amount"]
         return replace(signal, branches=new), None
 
     def starts(self, scales):
-        return [{"amount": 0.7, "exponent": m} for m in (-3.0, 2.0)]
+        return [{"amount": k} for k in (0.7, 0.2)]

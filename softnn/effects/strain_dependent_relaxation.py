@@ -223,23 +223,23 @@ class DecliningBranches(StrainDependentRelaxation):
     .. math:: \sigma_b = \left(1 + \frac{|\varepsilon|}{c}\right)^{-k}
               \int E(t - t') \left(1 + \frac{|\varepsilon|}{c}\right)^{-n} d\varepsilon
 
-    decline n inside the integral, k outside, from the strain c on: outside the damping
+    decline k outside the integral, n inside, from the strain c on: outside the damping
     function of melts (Soskey and Winter 1984, *J. Rheol.* 28, 625-645), inside a
     measure of strain as in QLV (Fung 1993, section 7.6), a power of it for small c.
     """
 
     ports = ("branch_strain", "branches")
     parameters = (
-        Parameter("decline", "-", -3.0, 3.0, 0.5, meaning="n, inside the integral"),
-        Parameter("outer", "-", -3.0, 3.0, 0.0, meaning="k, outside of it"),
+        Parameter("decline", "-", -3.0, 3.0, 0.5, meaning="k, outside the integral"),
+        Parameter("inner", "-", -3.0, 3.0, 0.0, meaning="n, inside of it"),
         Parameter("width", "-", 1e-3, 3.0, 0.1, "log", "c, as strain", -1),
     )
-    off = {"decline": 0.0, "outer": 0.0}
+    off = {"decline": 0.0, "inner": 0.0}
     amplitude = "decline"
-    shape = ()
+    shape = ("inner",)
 
     def before(self, p, signal, state):
-        e, width, m = signal.branch_strain, p["width"], 1 - p["decline"]
+        e, width, m = signal.branch_strain, p["width"], 1 - p["inner"]
         by = np.log1p(np.abs(e) / width)
         near = np.abs(m) < 1e-9
         measure = width * np.where(near, by, np.expm1(m * by) / np.where(near, 1.0, m))
@@ -247,11 +247,11 @@ class DecliningBranches(StrainDependentRelaxation):
         return replace(signal, branch_strain=measure), None
 
     def after(self, p, signal, state):
-        factor = (1 + np.abs(signal.strain) / p["width"]) ** -p["outer"]
+        factor = (1 + np.abs(signal.strain) / p["width"]) ** -p["decline"]
         return replace(signal, branches=signal.branches * factor), None
 
     def starts(self, scales):
         width = float(np.clip(0.1 * scales.strain, 1e-3, 3))
         return [
-            {"decline": n, "outer": k, "width": width} for n, k in ((0.6, 0), (0, 0.6))
+            {"decline": k, "inner": n, "width": width} for k, n in ((0.6, 0), (0, 0.6))
         ]

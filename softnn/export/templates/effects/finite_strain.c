@@ -25,9 +25,8 @@ if ({amount} != 0.0) {
 br *= 1.0 - {amount} + {amount} / fmax(1.0 + e, 1e-3);
 /*@ MaterialBranches before */
 {
-    const double m = {exponent}, hencky = log(fmax(1.0 + b, 1e-3));
-    const double finite = fabs(m) < 1e-9 ? hencky : expm1(m * hencky) / m;
-    b = (1.0 - {amount}) * b + {amount} * finite;
+    const double rubber = -expm1(-3.0 * log(fmax(1.0 + b, 0.05))) / 3.0;
+    b = (1.0 - {amount}) * b + {amount} * rubber;
 }
 /*@ MaterialBranches after */
-br *= pow(fmax(1.0 + e, 1e-3), {amount});
+br *= pow(fmax(1.0 + e, 0.05), {amount});

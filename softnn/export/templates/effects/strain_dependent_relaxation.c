@@ -12,9 +12,9 @@ br *= fmax(1.0 + {outer} * fabs(e), 0.0);
 /*@ WholeSchapery after = Schapery after */
 /*@ DecliningBranches before */
 {
-    const double m = 1.0 - {decline}, by = log1p(fabs(b) / {width});
+    const double m = 1.0 - {inner}, by = log1p(fabs(b) / {width});
     const double measure = fabs(m) < 1e-9 ? by : expm1(m * by) / m;
     b = sign(b) * {width} * measure;
 }
 /*@ DecliningBranches after */
-br *= pow(1.0 + fabs(e) / {width}, -{outer});
+br *= pow(1.0 + fabs(e) / {width}, -{decline});
