@@ -158,7 +158,7 @@ class WorkSoftening(CyclicSoftening):
     Work is that on a straight spring, q = 1; 0 counts travel, and the higher q, the
     less do small cycles. scale s as strain, healing time tau in s. Continuous damage
     of Miehe 1995, *Eur. J. Mech. A* 14, 697-720; recovery as in a thixotropic fluid,
-    Barnes 1997, doi:10.1016/S0377-0257(97)00004-9.
+    Barnes 1997, *J. Non-Newtonian Fluid Mech.* 70, 1-33.
     """
 
     parameters = (

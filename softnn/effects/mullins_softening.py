@@ -147,7 +147,7 @@ class KineticSoftening(MullinsSoftening):
     n is the cycles it takes, healing time tau in s, that of forgetting the largest
     strain; energy goes with the square of strain. On first loading the share is
     1 / (1 + 2n). Damage by travel towards what the largest strain allows: Miehe and
-    Keck 2000, doi:10.1016/S0022-5096(99)00017-4; recovery: Harwood, Mullins and Payne
+    Keck 2000, *J. Mech. Phys. Solids* 48, 323-365; recovery: Harwood, Mullins and Payne
     1965, *J. Appl. Polym. Sci.* 9, 3011-3021.
     """
 
@@ -192,7 +192,7 @@ class BeattySoftening(MullinsSoftening):
 
     softening b per unit of strain. In the source the square root is of the intensity
     of strain, which goes with the square of a small strain. Beatty and Krishnaswamy
-    2000, doi:10.1016/S0022-5096(99)00085-X.
+    2000, *J. Mech. Phys. Solids* 48, 1931-1965.
     """
 
     parameters = (

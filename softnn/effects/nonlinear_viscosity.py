@@ -126,7 +126,7 @@ class HardeningViscosity(PowerLawViscosity):
     .. math:: \sigma_v = E g\,(1 + h|\varepsilon|)
 
     hardening h per unit of strain: a flow resistance that grows with strain, Amin,
-    Lion, Sekita and Okui 2006, doi:10.1016/j.ijplas.2005.09.005; in a foam that is
+    Lion, Sekita and Okui 2006, *Int. J. Plasticity* 22, 1610-1657; in a foam that is
     pressed, of the gas between walls that near one another.
     """
 

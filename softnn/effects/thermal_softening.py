@@ -133,7 +133,7 @@ class GlassySoftening(ThermalSoftening):
 
     softening c per degC in the middle of it, at T_g, and width w in degC. The steps of
     stiffness with temperature: Mahieux and Reifsnider 2001,
-    doi:10.1016/S0032-3861(00)00614-5, there one of Weibull's.
+    *Polymer* 42, 3281-3291, there one of Weibull's.
     """
 
     parameters = (
