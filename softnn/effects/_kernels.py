@@ -205,3 +205,58 @@ def turning(step, kick, width, out):
                 else:
                     out[i, s] += scale * (a + b + c / 3.0)
                 a += kick[i, s]
+
+
+@numba.njit(cache=True)
+def broken_down(down, up, goal, carried, out):
+    """What (n, sets) nears a goal by `down` and comes back to zero by `up`.
+
+    All (n, 1 or sets), the ways in units of their own scale; exact where they go on
+    evenly between samples.
+    """
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if down.shape[1] > 1 else 0
+        k = s if up.shape[1] > 1 else 0
+        m = s if goal.shape[1] > 1 else 0
+        d = carried[s]
+        for i in range(n):
+            both = down[i, j] + up[i, k]
+            if both > 0.0:
+                d -= (goal[i, m] * down[i, j] / both - d) * np.expm1(-both)
+            out[i, s] = d
+        carried[s] = d
+
+
+@numba.njit(cache=True)
+def fading(size, passed, carried, out):
+    """The largest so far (n, sets) of sizes that are forgotten as times pass.
+
+    passed (n, 1 or sets) is the time of each step in units of that of forgetting.
+    """
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if size.shape[1] > 1 else 0
+        k = s if passed.shape[1] > 1 else 0
+        m = carried[s]
+        for i in range(n):
+            m = max(m * np.exp(-passed[i, k]), size[i, j])
+            out[i, s] = m
+        carried[s] = m
+
+
+@numba.njit(cache=True)
+def ratchet(step, goal, time, carried, out):
+    """What follows a goal (n, 1 or sets) upwards, late by a time, and never falls."""
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if goal.shape[1] > 1 else 0
+        tau = time[s if time.size > 1 else 0]
+        before, d = carried[0, s], carried[1, s]
+        for i in range(n):
+            gap = 0.5 * (before + goal[i, j]) - d
+            if gap > 0.0:
+                d -= gap * np.expm1(-step[i] / tau)
+            before = goal[i, j]
+            out[i, s] = d
+        carried[0, s], carried[1, s] = before, d

@@ -10,6 +10,7 @@ from softnn.contracts import Array, Effect, Parameter
 from softnn.effects._programmes import ramps
 
 FARTHEST = 2.0  # logarithmic elastic strain of a branch: seven times its length
+THINNEST = 0.05  # stretch of what is pushed flat
 
 
 class FiniteStrain(Effect):
@@ -66,7 +67,7 @@ class FiniteStrain(Effect):
 
     @property
     def second_forms(self):
-        return (StretchedBranches(), PartlyFinite())
+        return (StretchedBranches(), PartlyFinite(), MaterialBranches())
 
     def starts(self, scales):
         return [{"amount": 1.0, "section": 1.0}]
@@ -150,3 +151,34 @@ class PartlyFinite(FiniteStrain):
 def _weight(share: Array, stretch: Array) -> Array:
     """Stress over that of branches of engineering strain, at one elastic strain."""
     return 1 - share + share / stretch
+
+
+class MaterialBranches(FiniteStrain):
+    r"""Branches that relax in material axes, as those of finite-element codes.
+
+    .. math:: \sigma_b = \lambda^{\kappa} \int E(t - t')\, d\left((1-\kappa)\,
+              \varepsilon + \kappa\,\frac{1 - \lambda^{-3}}{3}\right)
+
+    For kappa 1 the overstress is that of Piola and Kirchhoff's second kind of
+    neo-Hookean rubber, which relaxes where the first form has true stress relax. Simo
+    1987, doi:10.1016/0045-7825(87)90107-1.
+    """
+
+    parameters = (
+        Parameter("amount", "-", 0.0, 1.0, 1.0, meaning="kappa, 1 all of it"),
+    )
+    shape: tuple[str, ...] = ()
+
+    def before(self, p, signal, state):
+        e, share = signal.branch_strain, p["amount"]
+        rubber = -np.expm1(-3 * np.log(np.maximum(1 + e, THINNEST))) / 3
+        both = (1 - share) * e + share * rubber
+        return replace(signal, branch_strain=both), None
+
+    def after(self, p, signal, state):
+        stretch = np.maximum(1 + signal.strain, THINNEST)
+        new = signal.branches * stretch ** p["amount"]
+        return replace(signal, branches=new), None
+
+    def starts(self, scales):
+        return [{"amount": k} for k in (0.7, 0.2)]

@@ -61,9 +61,14 @@ class FrictionHysteresis(Effect):
 
     @property
     def second_forms(self):
-        return (BoucWen(), WallFriction())
+        return (BoucWen(), WallFriction(), GrownFriction())
 
     def after(self, p, signal, state):
+        loop, state = self.loop(p, signal, state)
+        return self._added(p, signal, loop), state
+
+    def loop(self, p, signal, state):
+        """What slides, from -1 to 1."""
         from softnn.effects._kernels import stops
 
         last, carried = (0.0, None) if state is None else state
@@ -77,7 +82,7 @@ class FrictionHysteresis(Effect):
         carried = np.broadcast_to(carried, (sets, len(RATIOS))).copy()
         out = np.empty((len(increment), sets))
         stops(increment, radius[:, None] * RATIOS, weight, carried, out)
-        return self._added(p, signal, out), (signal.strain[-1:], carried)
+        return out, (signal.strain[-1:], carried)
 
     @staticmethod
     def _added(p, signal, loop):
@@ -118,7 +123,7 @@ class BoucWen(FrictionHysteresis):
     )
     shape = ("sharpness", "growth")
 
-    def after(self, p, signal, state):
+    def loop(self, p, signal, state):
         from softnn.effects._kernels import bouc_wen
 
         last, carried = (0.0, 0.0) if state is None else state
@@ -128,7 +133,7 @@ class BoucWen(FrictionHysteresis):
         carried = np.broadcast_to(carried, (sets,)).copy()
         out = np.empty((len(increment), sets))
         bouc_wen(increment, radius, power, carried, out)
-        return self._added(p, signal, out), (signal.strain[-1:], carried)
+        return out, (signal.strain[-1:], carried)
 
     def starts(self, scales):
         plain = super().starts(scales)
@@ -169,4 +174,39 @@ class WallFriction(FrictionHysteresis):
         return [
             {"coefficient": 0.1, "presliding": s["presliding"], "spread": s["spread"]}
             for s in super().starts(scales)
+        ]
+
+
+class GrownFriction(FrictionHysteresis):
+    r"""Friction that is the larger, the farther the specimen has ever been strained.
+
+    .. math:: \sigma \to \sigma + F\,\varepsilon_m \sum_k w_k z_k, \qquad
+              \varepsilon_m = \max_{s \le t} |\varepsilon|
+
+    friction F in MPa at a largest strain of 1: what has been torn open rubs. Besdo and
+    Ihlemann 2003, doi:10.1016/S0749-6419(02)00091-8, where the limits of hysteresis go
+    with the largest strain so far.
+    """
+
+    parameters = (
+        Parameter("friction_MPa", "MPa", 0.0, 1e5, 0.1, meaning="F", per_strain=1),
+        *FrictionHysteresis.parameters[1:3],
+    )
+    shape = ("spread",)
+
+    def after(self, p, signal, state):
+        top, state = (0.0, None) if state is None else state
+        largest = np.maximum.accumulate(np.maximum(np.abs(signal.strain), top))
+        loop, state = self.loop(p, signal, state)
+        new = signal.equilibrium + p["friction_MPa"] * largest * loop
+        return replace(signal, equilibrium=new), (largest[-1:], state)
+
+    def starts(self, scales):
+        return [
+            {
+                "friction_MPa": s["friction_MPa"] / scales.strain,
+                "presliding": s["presliding"],
+                "spread": s["spread"],
+            }
+            for s in super().starts(scales)[:2]
         ]

@@ -21,12 +21,13 @@ class MullinsSoftening(Effect):
                    {s\,(c^q + |\varepsilon_m|^q)}\right), \qquad
               \varepsilon_m = \max_{s \le t} |\varepsilon|
 
-    Both parts of the stress are multiplied by eta, the branches by 1 - v (1 - eta).
+    The spring is multiplied by eta, the branches by 1 - v (1 - eta); beyond v = 1 the
+    branches by eta, and the spring by less, none of it at v = 2.
     depth d in [0, 1] is 1/r of the source; s c^q is its m, and sharpness s the beta of
     the form m + beta W_m that finite-element codes use. The energy W is taken to go
     with a power q of the strain, so that eta does not depend on the stress: 2 for a
     straight stress-strain curve, less for one that bends over, as that of foam does.
-    viscous_share v in [0, 1]. Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431.
+    viscous_share v in [0, 2]. Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431.
 
     In a recording: the second loading to the same strain lies below the first, and
     meets it at the largest strain so far. Mistaken for a set (which shifts), friction
@@ -42,7 +43,9 @@ class MullinsSoftening(Effect):
             "scale", "-", 1e-3, 10.0, 0.1, "log", "c, strain of full softening", -1
         ),
         Parameter("sharpness", "-", 0.02, 10.0, 0.7, "log", "s, how late it comes"),
-        Parameter("viscous_share", "-", 0.0, 1.0, 1.0, meaning="v, of the branches"),
+        Parameter(
+            "viscous_share", "-", 0.0, 2.0, 1.0, meaning="v, 1 all, 2 branches alone"
+        ),
         Parameter("power", "-", 0.5, 4.0, 2.0, "log", "q, energy over strain"),
     )
     off = {"depth": 0.0}
@@ -58,7 +61,7 @@ class MullinsSoftening(Effect):
 
     @property
     def second_forms(self):
-        return (SimoDamage(),)
+        return (SimoDamage(), KineticSoftening(), BeattySoftening())
 
     def factor(self, p, strain, largest):
         power = p["power"]
@@ -70,13 +73,19 @@ class MullinsSoftening(Effect):
         size = np.abs(signal.strain)
         largest = np.maximum.accumulate(np.maximum(size, 0 if state is None else state))
         factor = self.factor(p, signal.strain, largest)
-        slow = 1 - p["viscous_share"] * (1 - factor)
-        new = replace(
+        return self.softened(p, signal, 1 - factor), largest[-1:]
+
+    @staticmethod
+    def softened(p, signal, lost):
+        """The signal less a share of its stress, in spring and branches as v says."""
+        share = p["viscous_share"]
+        spring = 1 - np.minimum(2 - share, 1) * lost
+        slow = 1 - np.minimum(share, 1) * lost
+        return replace(
             signal,
-            equilibrium=signal.equilibrium * factor,
+            equilibrium=signal.equilibrium * spring,
             branches=signal.branches * slow,
         )
-        return new, largest[-1:]
 
     def starts(self, scales):
         return [
@@ -121,4 +130,86 @@ class SimoDamage(MullinsSoftening):
                 "viscous_share": v,
             }
             for c, v in ((0.5, 1.0), (0.5, 0.0), (1.5, 1.0))
+        ]
+
+
+LASTING = 1e6  # s, that is as good as never
+
+
+class KineticSoftening(MullinsSoftening):
+    r"""The same that comes with travel, over some cycles, and heals with time.
+
+    .. math:: \eta = 1 - d\,\frac{x}{\varepsilon_m}\;\mathrm{erf}(\ldots), \qquad
+              \dot x = \frac{|\dot\varepsilon|}{2 n\,\varepsilon_m}(\varepsilon_m - x)
+              - \frac{x}{\tau}, \qquad
+              \dot\varepsilon_m = -\frac{\varepsilon_m}{\tau} \text{ below it}
+
+    n is the cycles it takes, healing time tau in s, that of forgetting the largest
+    strain; energy goes with the square of strain. On first loading the share is
+    1 / (1 + 2n). Damage by travel towards what the largest strain allows: Miehe and
+    Keck 2000, *J. Mech. Phys. Solids* 48, 323-365; recovery: Harwood, Mullins and Payne
+    1965, *J. Appl. Polym. Sci.* 9, 3011-3021.
+    """
+
+    parameters = (
+        *MullinsSoftening.parameters[:4],
+        Parameter("cycles", "-", 0.01, 100.0, 0.5, "log", "n, until it has come"),
+        Parameter("healing_s", "s", 1.0, LASTING, LASTING, "log", "tau"),
+    )
+    shape = ("sharpness", "viscous_share", "healing_s")
+
+    def after(self, p, signal, state):
+        from softnn.effects._kernels import broken_down, fading
+
+        strain, time = signal.strain, signal.time_s
+        last, then, top, done = (0.0, time[0], 0.0, 0.0) if state is None else state
+        passed = np.diff(time, prepend=then)[:, None] / p["healing_s"]
+        sets = max(strain.shape[1], passed.shape[1])
+        top, done = (np.broadcast_to(x, (sets,)).copy() for x in (top, done))
+        largest, share = np.empty((2, len(time), sets))
+        fading(np.abs(strain), passed, top, largest)
+        most = np.maximum(largest, 1e-12)
+        travel = np.abs(np.diff(strain, axis=0, prepend=last))
+        broken_down(travel / (2 * p["cycles"] * most), passed, most, done, share)
+        gone = 1 - self.factor({**p, "power": 2.0}, strain, largest)
+        new = self.softened(p, signal, np.minimum(share / most, 1) * gone)
+        return new, (strain[-1:], time[-1], top, done)
+
+    def starts(self, scales):
+        plain = super().starts(scales)[0]
+        middle = float(np.clip(np.median(scales.duration_s), 1.0, LASTING))
+        return [
+            plain | {"cycles": 0.5, "healing_s": LASTING},
+            plain | {"cycles": 0.05, "healing_s": middle},
+        ]
+
+
+class BeattySoftening(MullinsSoftening):
+    r"""The same, steep at the largest strain: half of it is there at once.
+
+    .. math:: \eta = \exp\left(-b\,
+              (\varepsilon_m^2 - \varepsilon^2)^{k}\right), \qquad k = \tfrac12
+
+    softening b per unit of strain. In the source the square root is of the intensity
+    of strain, which goes with the square of a small strain. Beatty and Krishnaswamy
+    2000, *J. Mech. Phys. Solids* 48, 1931-1965.
+    """
+
+    parameters = (
+        Parameter("softening", "-", 0.0, 50.0, 0.5, meaning="b", per_strain=1),
+        Parameter("exponent", "-", 0.3, 2.0, 0.5, "log", "k"),
+        MullinsSoftening.parameters[3],
+    )
+    off = {"softening": 0.0}
+    amplitude = "softening"
+    shape = ("exponent", "viscous_share")
+
+    def factor(self, p, strain, largest):
+        gap = np.maximum(largest**2 - strain**2, 0)
+        return np.exp(-p["softening"] * gap ** p["exponent"])
+
+    def starts(self, scales):
+        size = float(np.clip(0.5 / max(scales.strain, 1e-6), 0, 50))
+        return [
+            {"softening": size, "exponent": 0.5, "viscous_share": v} for v in (1.0, 0.0)
         ]

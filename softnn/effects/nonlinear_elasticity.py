@@ -9,6 +9,8 @@ import numpy as np
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
+SHORTEST = 0.05  # stretch of what is pushed flat
+
 
 class NonlinearElasticity(Effect):
     r"""A spring that stiffens as a power of strain and has a soft or stiff foot.
@@ -26,7 +28,7 @@ class NonlinearElasticity(Effect):
 
     stage = "material"
     ports = ("equilibrium",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("stiffening_MPa", "MPa", -1e4, 1e4, 0.1, meaning="S, at strain 1"),
         Parameter("exponent", "-", 1.3, 12.0, 3.0, "log", "p of the power term"),
         Parameter("foot_MPa", "MPa", -1e4, 1e4, 0.0, meaning="F, far beyond the foot"),
@@ -35,13 +37,17 @@ class NonlinearElasticity(Effect):
     off = {"stiffening_MPa": 0.0, "foot_MPa": 0.0}
     part_of = ("pl-sls", "pl-wiechert")
     amplitude = "stiffening_MPa"
-    shape = ("foot_MPa", "foot_width")
+    shape: tuple[str, ...] = ("foot_MPa", "foot_width")
     where = "on every loading, at the same strain"
     twins = {
         "strain_dependent_relaxation": "a hold at each of several strains",
         "finite_strain": "a hold at each of several strains",
         "slack": "a second recording of the same specimen",
     }
+
+    @property
+    def second_forms(self):
+        return (OgdenSpring(),)
 
     def after(self, p, signal, state):
         e = signal.strain
@@ -65,3 +71,35 @@ class NonlinearElasticity(Effect):
 
     def telltale(self):
         return cycles([0.8, 0.8], 0.02)
+
+
+class OgdenSpring(NonlinearElasticity):
+    r"""A spring of incompressible rubber, that is not the same pushed and pulled.
+
+    .. math:: \sigma \to \sigma + S \left(
+              \frac{\lambda^{a-1} - \lambda^{-a/2-1}}{3a/2} - \varepsilon\right),
+              \qquad \lambda = 1 + \varepsilon
+
+    S in MPa is how much of the straight stiffness is of this curve. Ogden 1972,
+    doi:10.1098/rspa.1972.0026, of one term; exponent a is 2 for neo-Hooke, -2 for the
+    second term of Mooney and Rivlin. The first form bends alike both ways.
+    """
+
+    parameters = (
+        NonlinearElasticity.parameters[0],
+        Parameter("exponent", "-", -12.0, 14.0, 2.0, meaning="a"),
+    )
+    off = {"stiffening_MPa": 0.0}
+    shape = ()
+
+    def after(self, p, signal, state):
+        a, e = p["exponent"], signal.strain
+        a = np.where(np.abs(a) < 1e-6, 1e-6, a)
+        by = np.log(np.maximum(1 + e, SHORTEST))
+        curve = (np.exp((a - 1) * by) - np.exp(-(a / 2 + 1) * by)) / (1.5 * a)
+        bend = p["stiffening_MPa"] * (curve - e)
+        return replace(signal, equilibrium=signal.equilibrium + bend), None
+
+    def starts(self, scales):
+        size = 0.5 * scales.stress_MPa / scales.strain
+        return [{"stiffening_MPa": size, "exponent": a} for a in (2.0, -2.0)]

@@ -39,7 +39,7 @@ class NonlinearViscosity(Effect):
     )
     off = {"stiffness_MPa": 0.0}
     amplitude = "stiffness_MPa"
-    contains = ("relaxation_branch",)
+    contains: tuple[str, ...] = ("relaxation_branch",)
     where = "in loops and holds, growing slowly with rate"
     twins = {
         "friction_hysteresis": "the same cycle at rates two decades apart",
@@ -50,7 +50,7 @@ class NonlinearViscosity(Effect):
 
     @property
     def second_forms(self):
-        return (PowerLawViscosity(),)
+        return (PowerLawViscosity(), HardeningViscosity(), ThinningBranches())
 
     def within(self, scales):
         return self.narrowed("time_s", high=LASTING * float(np.max(scales.duration_s)))
@@ -118,3 +118,78 @@ class PowerLawViscosity(NonlinearViscosity):
 
     def starts(self, scales):
         return [s | {"exponent": 4.0} for s in super().starts(scales)]
+
+
+class HardeningViscosity(PowerLawViscosity):
+    r"""The element with Norton's dashpot, that resists the more the larger the strain.
+
+    .. math:: \sigma_v = E g\,(1 + h|\varepsilon|)
+
+    hardening h per unit of strain: a flow resistance that grows with strain, Amin,
+    Lion, Sekita and Okui 2006, *Int. J. Plasticity* 22, 1610-1657; in a foam that is
+    pressed, of the gas between walls that near one another.
+    """
+
+    parameters = PowerLawViscosity.parameters + (
+        Parameter(
+            "hardening", "-", -1.0, 100.0, 3.0, meaning="h, per strain", per_strain=1
+        ),
+    )
+
+    def after(self, p, signal, state):
+        new, state = super().after(p, signal, state)
+        added = new.branches - signal.branches
+        stronger = np.maximum(1 + p["hardening"] * np.abs(signal.strain), 0.0)
+        return replace(new, branches=signal.branches + stronger * added), state
+
+    def starts(self, scales):
+        hard = float(np.clip(2 / max(scales.strain, 1e-6), -1, 100))
+        return [
+            s | {"stiffness_MPa": s["stiffness_MPa"] / 2, "hardening": hard}
+            for s in super().starts(scales)[:2]
+        ]
+
+
+class ThinningBranches(NonlinearViscosity):
+    r"""All branches flow the faster, the faster the specimen is strained.
+
+    .. math:: \dot\xi = 1 + (\lambda|\dot\varepsilon|)^{m}, \quad
+              \text{branches relax in } \xi \text{ in place of } t
+
+    thinning lambda in s. Their viscosity is that of Cross 1965,
+    doi:10.1016/0095-8522(65)90022-X. For m = 1 the clock is Valanis' intrinsic time
+    (1971, *Archives of Mechanics* 23, 517-551), of which a share is travel: quick
+    loops no longer depend on the rate.
+    """
+
+    ports = ("branch_strain",)
+    parameters = (
+        Parameter("thinning_s", "s", 0.0, 1e7, 10.0, meaning="lambda", per_strain=1),
+        Parameter("exponent", "-", 0.2, 1.0, 1.0, "log", "m"),
+    )
+    off = {"thinning_s": 0.0}
+    amplitude = "thinning_s"
+    contains = ()
+    shape = ("exponent",)
+    after = Effect.after
+    within = Effect.within
+
+    def before(self, p, signal, state):
+        time, m = signal.branch_clock, p["exponent"]
+        last, gone, strain = (time[:1], time[:1], 0.0) if state is None else state
+        step = np.diff(time, axis=0, prepend=last)
+        travel = np.abs(np.diff(signal.branch_strain, axis=0, prepend=strain))
+        more = (p["thinning_s"] * travel) ** m * step ** (1 - m)
+        more = np.where(step > 0, more, 0.0)  # a step relaxes nothing
+        passed = gone + np.cumsum(step + more, axis=0)
+        passed = np.where(p["thinning_s"] == 0, time, passed)  # to the last bit
+        new = replace(signal, branch_time_s=passed)
+        return new, (time[-1:], passed[-1:], signal.branch_strain[-1:])
+
+    def starts(self, scales):
+        middle = float(np.median(scales.duration_s))
+        slow = middle / max(4 * scales.cycles * scales.strain, 1e-6)
+        return [
+            {"thinning_s": float(np.clip(r * slow, 0, 1e7)), "exponent": 1.0}
+            for r in (1.0, 0.1)
+        ]

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Array, Effect, Parameter, Signal
 from softnn.effects._programmes import cycles
+from softnn.effects.cyclic_softening import TravelSoftening
 
 
 class PermanentSet(Effect):
@@ -72,7 +73,7 @@ class PermanentSet(Effect):
 
     @property
     def second_forms(self):
-        return (PlasticElement(),)
+        return (PlasticElement(), CreptSet(), CyclicSet())
 
     def before(self, p, signal, state):
         a, power = p["ratio"], p["exponent"]
@@ -184,3 +185,85 @@ class PlasticElement(PermanentSet):
             }
             for share in (0.5, 0.75)
         ]
+
+
+class CreptSet(PermanentSet):
+    r"""A set that grows with the time for which the specimen is kept strained.
+
+    .. math:: \dot s = \frac{(a\,|\varepsilon| - s)_+}{\tau}
+
+    ratio a, time tau in s; in tension and compression each for itself. Kept at a strain
+    it grows as the network re-forms there, Andrews, Tobolsky and Hanson 1946,
+    *J. Appl. Phys.* 17, 352-361; once freed, the specimen keeps it.
+    """
+
+    ports = ("strain", "branch_strain")
+    parameters = (
+        PermanentSet.parameters[0],
+        Parameter("time_s", "s", 1e-2, 1e7, 30.0, "log", "tau"),
+        PermanentSet.parameters[5],
+    )
+    shape = ("viscous_share",)
+    after = Effect.after
+
+    def before(self, p, signal, state):
+        from softnn.effects._kernels import ratchet
+
+        strain, time, tau = signal.strain, signal.time_s, p["time_s"]
+        then, up, down = (time[0], None, None) if state is None else state
+        step = np.diff(time, prepend=then)
+        sets = max(strain.shape[1], tau.size)
+        grown = []
+        for way, carried in ((1.0, up), (-1.0, down)):
+            own = np.zeros((2, sets)) if carried is None else carried.copy()
+            out = np.empty((len(time), sets))
+            ratchet(step, np.maximum(way * strain, 0.0), tau, own, out)
+            grown.append((out, own))
+        shift = p["ratio"] * (grown[0][0] - grown[1][0])
+        return _shifted(p, signal, shift), (time[-1], grown[0][1], grown[1][1])
+
+    def starts(self, scales):
+        middle = float(np.clip(0.2 * np.median(scales.duration_s), 1e-2, 1e7))
+        return [{"ratio": 0.15, "time_s": middle, "viscous_share": v} for v in (1, 0)]
+
+
+class CyclicSet(PermanentSet):
+    r"""A set that goes on growing with the number of cycles.
+
+    .. math:: s = a\,\varepsilon_m \left(f + (1 - f) \log_{10}(1 + N)\right)
+
+    ratio a, of it the share f with the first loading; N are cycles, counted by travel.
+    Creep under repeated stressing, by the logarithm of cycles: Derham and Thomas 1977,
+    *Rubber Chem. Technol.* 50, 397-402.
+    """
+
+    ports = ("strain", "branch_strain")
+    parameters = (
+        PermanentSet.parameters[0],
+        Parameter("first", "-", 0.0, 1.0, 0.5, meaning="f, share of the first loading"),
+        PermanentSet.parameters[5],
+    )
+    shape = ("first", "viscous_share")
+    after = Effect.after
+
+    def before(self, p, signal, state):
+        above, below, counted = (0.0, 0.0, None) if state is None else state
+        number, counted = TravelSoftening().count(signal, counted)
+        above = np.maximum.accumulate(np.maximum(signal.strain, above))
+        below = np.maximum.accumulate(np.maximum(-signal.strain, below))
+        first = p["first"]
+        grown = first + (1 - first) * np.log10(1 + number)
+        shift = p["ratio"] * (above - below) * grown
+        return _shifted(p, signal, shift), (above[-1:], below[-1:], counted)
+
+    def starts(self, scales):
+        return [
+            {"ratio": 0.1, "first": f, "viscous_share": v}
+            for f, v in ((0.5, 1.0), (0.1, 0.0))
+        ]
+
+
+def _shifted(p: Mapping[str, Array], signal: Signal, shift: Array) -> Signal:
+    """The signal behind a set, of which the branches feel their share."""
+    seen = signal.branch_strain - p["viscous_share"] * shift
+    return replace(signal, strain=signal.strain - shift, branch_strain=seen)

@@ -56,7 +56,13 @@ class StrainDependentRelaxation(Effect):
 
     @property
     def second_forms(self):
-        return (StrainDrivenBranches(), Schapery(), StrainClock())
+        return (
+            StrainDrivenBranches(),
+            Schapery(),
+            StrainClock(),
+            WholeSchapery(),
+            DecliningBranches(),
+        )
 
     def factor(self, p, strain):
         x = np.abs(strain)
@@ -152,8 +158,8 @@ class StrainClock(StrainDependentRelaxation):
     Knauss and Emri 1981, doi:10.1016/0045-7949(81)90177-2; a_sigma of Schapery 1969.
     """
 
-    ports = ("branch_strain",)
-    parameters = (
+    ports: tuple[str, ...] = ("branch_strain",)
+    parameters: tuple[Parameter, ...] = (
         Parameter(
             "growth",
             "-",
@@ -181,3 +187,71 @@ class StrainClock(StrainDependentRelaxation):
     def starts(self, scales):
         unit = 1 / max(scales.strain, 1e-6)
         return [{"growth": float(np.clip(g * unit, -50, 50))} for g in (1.5, -1.0)]
+
+
+class WholeSchapery(StrainClock):
+    r"""Branches that relax faster, or slower, and are stronger, or weaker, at once.
+
+    .. math:: \sigma_b = (1 + b|\varepsilon|) \int E(\xi - \xi')\, d\varepsilon, \qquad
+              \dot\xi = e^{a|\varepsilon|}
+
+    h_1 and a_sigma of Schapery 1969, doi:10.1002/pen.760090410, by strain.
+    """
+
+    ports = ("branch_strain", "branches")
+    parameters = (*StrainClock.parameters, Schapery.parameters[1])
+    off = {"growth": 0.0, "outer": 0.0}
+
+    def after(self, p, signal, state):
+        factor = np.maximum(1 + p["outer"] * np.abs(signal.strain), 0.0)
+        return replace(signal, branches=signal.branches * factor), None
+
+    def starts(self, scales):
+        unit = 1 / max(scales.strain, 1e-6)
+        return [
+            {
+                "growth": float(np.clip(a * unit, -50, 50)),
+                "outer": float(np.clip(b * unit, -20, 50)),
+            }
+            for a, b in ((1.5, 1.0), (1.5, -0.5))
+        ]
+
+
+class DecliningBranches(StrainDependentRelaxation):
+    r"""Branches whose strength falls, or grows, as a power of the strain.
+
+    .. math:: \sigma_b = \left(1 + \frac{|\varepsilon|}{c}\right)^{-k}
+              \int E(t - t') \left(1 + \frac{|\varepsilon|}{c}\right)^{-n} d\varepsilon
+
+    decline k outside the integral, n inside, from the strain c on: outside the damping
+    function of melts (Soskey and Winter 1984, *J. Rheol.* 28, 625-645), inside a
+    measure of strain as in QLV (Fung 1993, section 7.6), a power of it for small c.
+    """
+
+    ports = ("branch_strain", "branches")
+    parameters = (
+        Parameter("decline", "-", -3.0, 3.0, 0.5, meaning="k, outside the integral"),
+        Parameter("inner", "-", -3.0, 3.0, 0.0, meaning="n, inside of it"),
+        Parameter("width", "-", 1e-3, 3.0, 0.1, "log", "c, as strain", -1),
+    )
+    off = {"decline": 0.0, "inner": 0.0}
+    amplitude = "decline"
+    shape = ("inner",)
+
+    def before(self, p, signal, state):
+        e, width, m = signal.branch_strain, p["width"], 1 - p["inner"]
+        by = np.log1p(np.abs(e) / width)
+        near = np.abs(m) < 1e-9
+        measure = width * np.where(near, by, np.expm1(m * by) / np.where(near, 1.0, m))
+        measure = np.where(m == 1, e, np.sign(e) * measure)  # to the last bit
+        return replace(signal, branch_strain=measure), None
+
+    def after(self, p, signal, state):
+        factor = (1 + np.abs(signal.strain) / p["width"]) ** -p["decline"]
+        return replace(signal, branches=signal.branches * factor), None
+
+    def starts(self, scales):
+        width = float(np.clip(0.1 * scales.strain, 1e-3, 3))
+        return [
+            {"decline": k, "inner": n, "width": width} for k, n in ((0.6, 0), (0, 0.6))
+        ]

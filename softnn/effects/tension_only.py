@@ -38,7 +38,7 @@ class TensionOnly(Effect):
 
     @property
     def second_forms(self):
-        return (CrookedStrip(), SlackStrip())
+        return (CrookedStrip(), SlackStrip(), FoldedStrip())
 
     def kept(self, p, pushed):
         """Share of a stress of `pushed` MPa in compression that is not lost."""
@@ -102,3 +102,37 @@ class SlackStrip(TensionOnly):
 
     def pushed(self, signal):
         return signal.strain < 0
+
+
+class FoldedStrip(TensionOnly):
+    r"""A strip that bends sideways: its material is not shortened any more.
+
+    .. math:: \varepsilon \to \varepsilon - \kappa\,(\varepsilon + c)
+              \quad \text{where} \quad \varepsilon < -c
+
+    buckling strain c is that of Euler, of the shape alone and not of the material
+    (Timoshenko and Gere, there as well). What is folded neither relaxes further nor
+    has to be drawn back, as what loses its stress does.
+    """
+
+    ports = ("strain", "branch_strain")
+    parameters = TensionOnly.parameters + (
+        Parameter("buckling_strain", "-", 0.0, 0.9, 0.0, meaning="c", per_strain=-1),
+    )
+    shape = ("buckling_strain",)
+    after = Effect.after
+
+    def before(self, p, signal, state):
+        def seen(strain):
+            return strain - p["amount"] * np.minimum(strain + p["buckling_strain"], 0.0)
+
+        new = replace(
+            signal,
+            strain=seen(signal.strain),
+            branch_strain=seen(signal.branch_strain),
+        )
+        return new, state
+
+    def starts(self, scales):
+        later = float(np.clip(0.1 * scales.strain, 0, 0.9))
+        return [{"amount": 1.0, "buckling_strain": c} for c in (0.0, later)]

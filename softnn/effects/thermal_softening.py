@@ -27,7 +27,9 @@ class ThermalSoftening(Effect):
 
     stage = "material"
     ports: tuple[str, ...] = ("equilibrium", "branches")
-    parameters = (Parameter("softening_per_C", "1/degC", -0.1, 0.1, 0.01, meaning="c"),)
+    parameters: tuple[Parameter, ...] = (
+        Parameter("softening_per_C", "1/degC", -0.1, 0.1, 0.01, meaning="c"),
+    )
     off = {"softening_per_C": 0.0}
     amplitude = "softening_per_C"
     needs_temperature = True
@@ -40,7 +42,7 @@ class ThermalSoftening(Effect):
 
     @property
     def second_forms(self):
-        return (ThermalSpring(), ThermalBranches(), ThermalClock())
+        return (ThermalSpring(), ThermalBranches(), ThermalClock(), GlassySoftening())
 
     def warmer(self, signal, state):
         """Temperature above the reference (n,), gaps filled with the last one known."""
@@ -121,3 +123,33 @@ class ThermalClock(ThermalSoftening):
 
     def starts(self, scales):
         return [{"quickening_per_C": c} for c in (0.08, 0.03)]
+
+
+class GlassySoftening(ThermalSoftening):
+    r"""The same near a transition, where stiffness falls from one level to another.
+
+    .. math:: \sigma \to \sigma\, \exp\left(-c\,w\left(\tanh\frac{T - T_g}{w}
+              - \tanh\frac{23 - T_g}{w}\right)\right)
+
+    softening c per degC in the middle of it, at T_g, and width w in degC. The steps of
+    stiffness with temperature: Mahieux and Reifsnider 2001,
+    *Polymer* 42, 3281-3291, there one of Weibull's.
+    """
+
+    parameters = (
+        *ThermalSoftening.parameters,
+        Parameter("middle_C", "degC", -60.0, 120.0, 23.0, meaning="T_g"),
+        Parameter("width_C", "degC", 1.0, 100.0, 10.0, "log", "w"),
+    )
+    shape = ("middle_C", "width_C")
+
+    def factor(self, p, warmer):
+        middle, width = p["middle_C"] - REFERENCE_C, p["width_C"]
+        way = np.tanh((warmer - middle) / width) + np.tanh(middle / width)
+        return np.exp(-p["softening_per_C"] * width * way)
+
+    def starts(self, scales):
+        return [
+            {"softening_per_C": 0.02, "middle_C": m, "width_C": 10.0}
+            for m in (REFERENCE_C, REFERENCE_C + 10)
+        ]

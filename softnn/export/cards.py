@@ -110,11 +110,11 @@ def _unlike(p: dict) -> list[str]:
         "mullins_softening goes with the energy of the curve here, "
         f"with strain to the power {p['power']:.3g} in the model"
     ]
-    if p["viscous_share"] < 1:
-        out.append(
-            f"mullins_softening acts on all stress here, on {p['viscous_share']:.3g} "
-            "of the branches in the model"
-        )
+    share = p["viscous_share"]
+    if share != 1:
+        where = "branches" if share < 1 else "spring"
+        part = f"{min(share, 2 - share):.3g} of the {where}"
+        out.append(f"mullins_softening acts on all stress here, on {part} in the model")
     return out
 
 

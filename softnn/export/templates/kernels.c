@@ -41,6 +41,24 @@ static double reversals(double e, double *s)
     }
     return s[2];
 }
+/*@ broken_down */
+/* What nears a goal by `down` and comes back to zero by `up`. */
+static double broken_down(double down, double up, double goal, double before)
+{
+    const double both = down + up;
+    return both > 0.0 ? before - (goal * down / both - before) * expm1(-both) : before;
+}
+/*@ ratchet */
+/* What follows a goal upwards and never falls. s: the last goal, and it. */
+static double ratchet(double dt, double goal, double time, double *s)
+{
+    const double gap = 0.5 * (s[0] + goal) - s[1];
+    if (gap > 0.0) {
+        s[1] -= gap * expm1(-dt / time);
+    }
+    s[0] = goal;
+    return s[1];
+}
 /*@ flow */
 /* A spring in series with a nonlinear dashpot; power 0 is Eyring's, else Norton's. */
 static double flow(double dt, double increment, double time, double threshold,

@@ -23,3 +23,10 @@ if ({amount} != 0.0) {
 }
 /*@ PartlyFinite after */
 br *= 1.0 - {amount} + {amount} / fmax(1.0 + e, 1e-3);
+/*@ MaterialBranches before */
+{
+    const double rubber = -expm1(-3.0 * log(fmax(1.0 + b, 0.05))) / 3.0;
+    b = (1.0 - {amount}) * b + {amount} * rubber;
+}
+/*@ MaterialBranches after */
+br *= pow(fmax(1.0 + e, 0.05), {amount});

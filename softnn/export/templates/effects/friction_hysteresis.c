@@ -51,3 +51,20 @@ double last, z;
     q->z = z;
     eq += {friction_MPa} * fmax(1.0 + {growth} * fabs(e), 0.0) * z;
 }
+/*@ GrownFriction state */
+double last, largest, carried[{elements}];
+/*@ GrownFriction after */
+{
+    static const double radius[{elements}] = {{radius}};
+    static const double weight[{elements}] = {{weight}};
+    const double increment = e - q->last;
+    double loop = 0.0;
+    int i;
+    for (i = 0; i < {elements}; i++) {
+        q->carried[i] = clip(q->carried[i] + increment, -radius[i], radius[i]);
+        loop += weight[i] * q->carried[i] / radius[i];
+    }
+    q->last = e;
+    q->largest = fmax(q->largest, fabs(e));
+    eq += {friction_MPa} * q->largest * loop;
+}

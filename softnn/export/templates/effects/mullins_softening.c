@@ -7,8 +7,8 @@ double largest;
     top = pow(q->largest, {power});
     reach = (top - pow(fabs(e), {power})) / (pow({scale}, {power}) + top);
     factor = 1.0 - {depth} * erf(fmax(reach, 0.0) / {sharpness});
-    eq *= factor;
-    br *= 1.0 - {viscous_share} * (1.0 - factor);
+    eq *= 1.0 - fmin(2.0 - {viscous_share}, 1.0) * (1.0 - factor);
+    br *= 1.0 - fmin({viscous_share}, 1.0) * (1.0 - factor);
 }
 /*@ SimoDamage state */
 double largest;
@@ -18,6 +18,35 @@ double largest;
     q->largest = fmax(q->largest, fabs(e));
     factor = 1.0
              + {depth} * expm1(-pow(q->largest / {scale}, fmin(1.0 / {sharpness}, 20.0)));
-    eq *= factor;
-    br *= 1.0 - {viscous_share} * (1.0 - factor);
+    eq *= 1.0 - fmin(2.0 - {viscous_share}, 1.0) * (1.0 - factor);
+    br *= 1.0 - fmin({viscous_share}, 1.0) * (1.0 - factor);
+}
+/*@ KineticSoftening state */
+double last, largest, done;
+/*@ KineticSoftening after */
+{
+    const double size = fabs(e), passed = dt / {healing_s};
+    double most, reach, lost;
+    q->largest = fmax(q->largest * exp(-passed), size);
+    most = fmax(q->largest, 1e-12);
+    q->done = broken_down(fabs(e - q->last) / (2.0 * {cycles} * most), passed, most,
+                          q->done);
+    q->last = e;
+    reach = (q->largest * q->largest - e * e)
+            / ({scale} * {scale} + q->largest * q->largest);
+    lost = fmin(q->done / most, 1.0) * {depth}
+           * erf(fmax(reach, 0.0) / {sharpness});
+    eq *= 1.0 - fmin(2.0 - {viscous_share}, 1.0) * lost;
+    br *= 1.0 - fmin({viscous_share}, 1.0) * lost;
+}
+/*@ BeattySoftening state */
+double largest;
+/*@ BeattySoftening after */
+{
+    double gap, lost;
+    q->largest = fmax(q->largest, fabs(e));
+    gap = fmax(q->largest * q->largest - e * e, 0.0);
+    lost = -expm1(-{softening} * pow(gap, {exponent}));
+    eq *= 1.0 - fmin(2.0 - {viscous_share}, 1.0) * lost;
+    br *= 1.0 - fmin({viscous_share}, 1.0) * lost;
 }

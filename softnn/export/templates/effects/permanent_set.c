@@ -36,3 +36,30 @@ double last, carried;
     eq += {stiffness_MPa} * flow(fabs(increment), increment, {yield_strain},
                                  {yield_strain}, {sharpness}, &q->carried);
 }
+/*@ CreptSet state */
+double above[2], below[2];
+/*@ CreptSet before */
+{
+    const double shift = {ratio}
+                         * (ratchet(dt, fmax(e, 0.0), {time_s}, q->above)
+                            - ratchet(dt, fmax(-e, 0.0), {time_s}, q->below));
+    e -= shift;
+    b -= {viscous_share} * shift;
+}
+/*@ CyclicSet state */
+double above, below, last, travel, low, high;
+/*@ CyclicSet before */
+{
+    double number, shift;
+    q->above = fmax(q->above, e);
+    q->below = fmax(q->below, -e);
+    q->travel += fabs(e - q->last);
+    q->last = e;
+    q->low = fmin(q->low, e);
+    q->high = fmax(q->high, e);
+    number = fmax(q->travel / fmax(2.0 * (q->high - q->low), 1e-12) - 0.5, 0.0);
+    shift = {ratio} * (q->above - q->below)
+            * ({first} + (1.0 - {first}) * log10(1.0 + number));
+    e -= shift;
+    b -= {viscous_share} * shift;
+}

@@ -15,3 +15,6 @@ if (e < 0.0) {
     eq *= 1.0 - {amount};
     br *= 1.0 - {amount};
 }
+/*@ FoldedStrip before */
+e -= {amount} * fmin(e + {buckling_strain}, 0.0);
+b -= {amount} * fmin(b + {buckling_strain}, 0.0);
