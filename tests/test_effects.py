@@ -12,7 +12,7 @@ import pytest
 from effects_made import STIFFNESS, UNITS, planted, stress
 
 import softnn.effects
-from softnn.contracts import Chunk, Effect, InputError
+from softnn.contracts import Chunk, Effect, InputError, Scales
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, get, put, slots
 from softnn.simulate import Term, measured, reach, simulate, to_model
@@ -315,3 +315,12 @@ def test_temperature_is_asked_for():
     chunk = effect("slack").telltale()
     with pytest.raises(InputError, match="temperature_C"):
         simulate(UNITS, STIFFNESS, [Term(law, {"softening_per_C": 0.01})], [chunk])
+
+
+@pytest.mark.parametrize("law", LAWS, ids=IDS)
+def test_a_search_starts_where_there_is_something_of_it(law):
+    scales = Scales(0.5, 1.0, 0.01, np.array([60.0]), 3.0, 5.0)
+    some = law.within(scales)
+    for values in some.starts(scales) + sum(some.closer(scales), []):
+        size = np.abs((law.defaults() | values)[law.amplitude])
+        assert size.max() > 0 or law.off.get(law.amplitude) != 0

@@ -253,5 +253,6 @@ class DecliningBranches(StrainDependentRelaxation):
     def starts(self, scales):
         width = float(np.clip(0.1 * scales.strain, 1e-3, 3))
         return [
-            {"decline": k, "inner": n, "width": width} for k, n in ((0.6, 0), (0, 0.6))
+            {"decline": k, "inner": n, "width": width}
+            for k, n in ((0.6, 0), (0.1, 0.6))
         ]
