@@ -321,6 +321,7 @@ def test_temperature_is_asked_for():
 def test_a_search_starts_where_there_is_something_of_it(law):
     scales = Scales(0.5, 1.0, 0.01, np.array([60.0]), 3.0, 5.0)
     some = law.within(scales)
-    for values in some.starts(scales) + sum(some.closer(scales), []):
+    closer = [values for shape in some.closer(scales) for values in shape]
+    for values in [*some.starts(scales), *closer]:
         size = np.abs((law.defaults() | values)[law.amplitude])
         assert size.max() > 0 or law.off.get(law.amplitude) != 0
