@@ -45,7 +45,7 @@ class Slack(Effect):
 
     stage = "rig"
     ports = ("strain", "branch_strain")
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(
             "gap",
             "-",
@@ -60,7 +60,7 @@ class Slack(Effect):
     off = {"gap": 0.0}
     amplitude = "gap"
     per_recording = ("gap",)
-    shape = ("toe",)
+    shape: tuple[str, ...] = ("toe",)
     where = "at small strain, before the specimen is taut"
     twins = {
         "zero_offset": "a hold at zero strain before loading",
@@ -92,7 +92,7 @@ class Slack(Effect):
 
     @property
     def second_forms(self):
-        return (Foot(),)
+        return (Foot(), Seating(), Backlash())
 
     def starts(self, scales):
         return [{"gap": share * scales.strain, "toe": 0.0} for share in GAPS]
@@ -137,6 +137,80 @@ class Foot(Slack):
 
     def starts(self, scales):
         return [{"gap": GAPS[0] * scales.strain, "toe": 0.3}]
+
+
+class Seating(Slack):
+    r"""Jaws and specimen that seat under load, ever less of it, some of it for good.
+
+    .. math:: T = g\,\left(1 - e^{-x / (w g)}\right), \qquad
+              x = |\varepsilon| + k\,(\max_{s \le t} |\varepsilon| - |\varepsilon|)
+
+    on either side; width w over the gap g, share k that does not come back when the
+    load is off. Seating as in ASTM D638-14, annex A1.
+    """
+
+    parameters = Slack.parameters[:1] + (
+        Parameter("width", "-", 1.0, 30.0, 1.0, "log", "w, of the foot over the gap"),
+        Parameter("kept", "-", 0.0, 1.0, 0.0, meaning="k, seated for good"),
+    )
+    shape = ("width", "kept")
+
+    def before(self, p, signal, state):
+        gap, kept = p["gap"], p["kept"]
+        scale = np.maximum(p["width"] * gap, 1e-12)
+
+        def seated(strain, last):
+            lost, most = 0.0, []
+            for side, before in zip((1, -1), last, strict=True):
+                now = np.maximum(side * strain, 0)
+                top = np.maximum.accumulate(np.maximum(now, before))
+                x = now + kept * (top - now)
+                lost = lost - side * gap * np.expm1(-x / scale)
+                most.append(top[-1:])
+            return strain - lost, most
+
+        last = ((0.0, 0.0),) * 2 if state is None else state
+        strain, one = seated(signal.strain, last[0])
+        branch, two = seated(signal.branch_strain, last[1])
+        return replace(signal, strain=strain, branch_strain=branch), (one, two)
+
+    def starts(self, scales):
+        gap = GAPS[0] * scales.strain
+        return [{"gap": gap, "width": 2.0, "kept": k} for k in (0.0, 1.0)]
+
+
+class Backlash(Slack):
+    r"""Play in the load train: at each turn the gap is crossed before the grip follows.
+
+    .. math:: \varepsilon - s g \;\le\; \varepsilon_{spec} \;\le\;
+              \varepsilon + (1 - s)\,g
+
+    and otherwise the specimen stays as it is; seat s is the share of the gap that a
+    first pull has to cross. Nordin and Gutman 2002,
+    doi:10.1016/S0005-1098(02)00047-X.
+    """
+
+    parameters = Slack.parameters[:1] + (
+        Parameter("seat", "-", 0.0, 1.0, 0.5, meaning="s, crossed by the first pull"),
+    )
+    shape = ("seat",)
+
+    def before(self, p, signal, state):
+        from softnn.effects._kernels import play
+
+        strains = signal.strain, signal.branch_strain
+        behind = p["seat"] * p["gap"]
+        ahead = (1 - p["seat"]) * p["gap"]
+        sets = max(behind.size, *(x.shape[1] for x in strains))
+        carried = np.zeros((2, sets)) if state is None else state
+        carried = np.broadcast_to(carried, (2, sets)).copy()
+        moved = [np.empty((len(x), sets)) for x in strains]
+        for x, inner, out in zip(strains, carried, moved, strict=True):
+            play(x, behind, ahead, inner, out)
+        return replace(signal, strain=moved[0], branch_strain=moved[1]), carried
+
+    def starts(self, scales):
+        return [{"gap": GAPS[0] * scales.strain, "seat": 0.5}]
 
 
 def _taken_up(chunk: Chunk, stress: Array, much: float) -> tuple[float, float]:

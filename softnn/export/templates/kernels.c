@@ -8,6 +8,21 @@ static double sign(double x)
 {
     return (double)((x > 0.0) - (x < 0.0));
 }
+/*@ saturated */
+/* A channel with a limit, bent into it over a knee. */
+static double saturated(double y, double limit, double knee)
+{
+    const double power = 1.0 / fmax(knee, 0.01);
+    double a;
+    if (knee < 0.01) {
+        return clip(y, -limit, limit);
+    }
+    if (limit >= 1e6) {
+        return y;
+    }
+    a = power * log(fmax(fabs(y) / limit, 1e-300));
+    return y * exp(-((a > 0.0 ? a : 0.0) + log1p(exp(-fabs(a)))) / power);
+}
 /*@ first_order */
 /* A first-order lag of a signal that is straight between samples. */
 static double first_order(double dt, double x, double tau, double *before, double *y)
