@@ -9,6 +9,8 @@ import numpy as np
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
+MOST = 0.3  # of the stress, by which a gain drifts
+
 
 class GainError(Effect):
     r"""A factor on the stress of a recording: a wrong cross-section or calibration.
@@ -42,7 +44,7 @@ class GainError(Effect):
 
     @property
     def second_forms(self):
-        return (BentGain(), GainDrift())
+        return (GainDrift(),)
 
     def after(self, p, signal, state):
         return replace(signal, stress=signal.stress * (1 + p["error"])), None
@@ -54,64 +56,24 @@ class GainError(Effect):
         return cycles([0.3, 0.6], 0.05)
 
 
-class BentGain(GainError):
-    r"""A gain that depends on the load, in all recordings or in each by its own.
-
-    .. math:: \sigma \to \sigma\,(1 + b\,|\sigma|^n\,a), \qquad
-              a = 1 \; (\sigma > 0), \; a_- \; (\sigma < 0)
-
-    bend b at 1 MPa, exponent n (0: a factor, 1 and 2: calibration curves of second and
-    third degree, ISO 376), share a_- in compression: 1 alike, -1 even, 0 in tension
-    alone, where the cell was calibrated in one direction.
-    """
-
-    parameters = (
-        Parameter("bend", "MPa^-n", -1e9, 1e9, 0.1, meaning="b, at 1 MPa"),
-        Parameter("exponent", "-", 0.0, 4.0, 1.0, meaning="n"),
-        Parameter("pushed", "-", -1.0, 1.0, 1.0, meaning="a_-, in compression"),
-    )
-    off = {"bend": 0.0}
-    amplitude = "bend"
-    per_recording = ("bend",)
-    shape = ("exponent", "pushed")
-    some = False
-
-    def after(self, p, signal, state):
-        x = signal.stress
-        size = np.maximum(np.abs(x), 1e-300) ** p["exponent"]
-        error = p["bend"] * size * np.where(x < 0, p["pushed"], 1.0)
-        return replace(signal, stress=x * (1 + error)), None
-
-    def starts(self, scales):
-        bend = 0.15 / scales.stress_MPa
-        return [{"bend": bend, "exponent": 1.0, "pushed": a} for a in (1.0, 0.0)]
-
-
 class GainDrift(GainError):
-    r"""A gain that changes while a recording lasts, and settles or not.
+    r"""A gain that changes while a recording lasts, and settles.
 
-    .. math:: \sigma \to \sigma\,(1 + \dot\gamma\,\tau\,(1 - e^{-t / \tau}))
+    .. math:: \sigma \to \sigma\,(1 + \gamma\,(1 - e^{-t / \tau}))
 
-    Supply or amplifier that warms up: span drift, OIML R 60. In all recordings, or in
-    each by its own.
+    Supply or amplifier that warms up.
     """
 
     parameters = (
-        Parameter("error_per_s", "1/s", -1.0, 1.0, 1e-3, meaning="gamma'"),
+        Parameter("error", "-", -MOST, MOST, 0.1, meaning="gamma, in the end"),
         Parameter("settling_s", "s", 1e-2, 1e7, 100.0, "log", "tau"),
     )
-    off = {"error_per_s": 0.0}
-    amplitude = "error_per_s"
-    per_recording = ("error_per_s",)
-    some = False
 
     def after(self, p, signal, state):
         t = (signal.time_s - signal.begun_s)[:, None]
-        error = p["error_per_s"] * p["settling_s"] * -np.expm1(-t / p["settling_s"])
+        error = p["error"] * -np.expm1(-t / p["settling_s"])
         return replace(signal, stress=signal.stress * (1 + error)), None
 
     def starts(self, scales):
-        longest = float(np.max(scales.duration_s))
-        size = np.minimum(0.1 / np.maximum(scales.duration_s, 1e-9), 1.0)
-        tau = float(np.clip(longest, 1e-2, 1e7))
-        return [{"error_per_s": size, "settling_s": tau}]
+        tau = float(np.clip(0.5 * np.max(scales.duration_s), 1e-2, 1e7))
+        return [{"error": 0.1, "settling_s": tau}]

@@ -148,7 +148,7 @@ class CreepingGrip(GripSlip):
     )
     off = {"rate_per_s": 0.0}
     amplitude = "rate_per_s"
-    per_recording = ()
+    per_recording = ("rate_per_s",)
     shape = ()
     some = False
 

@@ -50,7 +50,7 @@ class Inertia(Effect):
 
     @property
     def second_forms(self):
-        return (CompliantMount(), RingingMount(), BluntTurns(), DraggedMass())
+        return (CompliantMount(), RingingMount(), BluntTurns())
 
     @staticmethod
     def kicks(signal, state):
@@ -198,28 +198,3 @@ class BluntTurns(Inertia):
             for s in super().starts(scales)
             for k in (1.0, 0.2)
         ]
-
-
-class DraggedMass(Inertia):
-    r"""The same in a bath or in air, which moves along and drags.
-
-    .. math:: f = m\,(\ddot\varepsilon + \beta\,\dot\varepsilon |\dot\varepsilon|)
-
-    drag beta over the added mass, as Morison et al. 1950, doi:10.2118/950149-G.
-    """
-
-    parameters = Inertia.parameters + (
-        Parameter("drag", "-", 0.0, 1e5, 1.0, meaning="beta", per_strain=1),
-    )
-
-    def after(self, p, signal, state):
-        change = self.kicks(signal, state)
-        time = np.maximum(np.diff(signal.time_s), 1e-12)[:, None]
-        rate = np.diff(signal.strain, axis=0) / time
-        before = np.concatenate([change[:1] * 0, rate])
-        middle = before + 0.5 * change
-        push = self.acceleration(signal, state) + p["drag"] * middle * np.abs(middle)
-        return replace(signal, stress=signal.stress + p["mass"] * push), True
-
-    def starts(self, scales):
-        return [s | {"drag": 1 / scales.strain} for s in super().starts(scales)]

@@ -48,7 +48,7 @@ class LoadCellDrift(Effect):
 
     @property
     def second_forms(self):
-        return (OwnDrift(), WarmUp(), PowerDrift())
+        return (OwnDrift(), WarmUp(), PowerDrift(), ZeroShift())
 
     def after(self, p, signal, state):
         t = (signal.time_s - signal.begun_s)[:, None]
@@ -114,7 +114,7 @@ class PowerDrift(OwnDrift):
     """
 
     parameters = LoadCellDrift.parameters + (
-        Parameter("exponent", "-", 0.1, 5.0, 1.0, "log", "p"),
+        Parameter("exponent", "-", 0.3, 3.0, 1.0, "log", "p"),
     )
 
     def wander(self, p, t):
@@ -129,6 +129,37 @@ class PowerDrift(OwnDrift):
                 "exponent": p,
             }
             for p in (0.5, 2.0)
+        ]
+
+
+class ZeroShift(LoadCellDrift):
+    r"""A zero that moves once: a cable pulled at, a knock, an overload, a warm hand.
+
+    .. math:: \sigma \to \sigma + a\,\mathrm{clip}(t - t_0, 0, d)
+
+    at a rate a in MPa/s from a moment t_0 of each recording on, for d in s.
+    """
+
+    parameters = LoadCellDrift.parameters + (
+        Parameter("moment_s", "s", 0.0, 1e7, 1.0, meaning="t_0"),
+        Parameter("duration_s", "s", 1e-3, 1e7, 1.0, "log", "d"),
+    )
+    per_recording = ("drift_MPa_per_s", "moment_s")
+
+    def wander(self, p, t):
+        return p["drift_MPa_per_s"] * np.clip(t - p["moment_s"], 0, p["duration_s"])
+
+    def starts(self, scales):
+        # As long as that a fit finds the moment from anywhere, and then shortens it.
+        long = float(np.clip(0.5 * np.median(scales.duration_s), 1e-3, 1e7))
+        rate = float(min(0.05 * scales.stress_MPa / long, 1.0))
+        return [
+            {
+                "drift_MPa_per_s": rate,
+                "moment_s": share * scales.duration_s,
+                "duration_s": long,
+            }
+            for share in (0.1, 0.4)
         ]
 
 

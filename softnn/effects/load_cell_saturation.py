@@ -111,10 +111,10 @@ class UnevenLimits(LoadCellSaturation):
 
     def starts(self, scales):
         # Round and low enough to move in whichever direction is clipped.
-        one, half = float(scales.stress_MPa), float(0.5 * scales.stress_MPa)
+        one, low = float(scales.stress_MPa), float(0.4 * scales.stress_MPa)
         return [
-            {"limit_MPa": a, "knee": 0.08, "pushed_MPa": b, "beyond": 0.0}
-            for a, b in ((half, one), (one, half))
+            {"limit_MPa": a, "knee": 0.2, "pushed_MPa": b, "beyond": 0.0}
+            for a, b in ((low, one), (one, low))
         ]
 
 

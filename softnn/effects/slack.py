@@ -92,7 +92,7 @@ class Slack(Effect):
 
     @property
     def second_forms(self):
-        return (Foot(), Seating(), Backlash())
+        return (Foot(), GrowingGap(), Backlash())
 
     def starts(self, scales):
         return [{"gap": share * scales.strain, "toe": 0.0} for share in GAPS]
@@ -139,44 +139,31 @@ class Foot(Slack):
         return [{"gap": GAPS[0] * scales.strain, "toe": 0.3}]
 
 
-class Seating(Slack):
-    r"""Jaws and specimen that seat under load, ever less of it, some of it for good.
+class GrowingGap(Slack):
+    r"""A gap that widens as time goes on: a knot that gives, teeth that bite through.
 
-    .. math:: T = g\,\left(1 - e^{-x / (w g)}\right), \qquad
-              x = |\varepsilon| + k\,(\max_{s \le t} |\varepsilon| - |\varepsilon|)
+    .. math:: g(t) = g\,(1 + \rho\,t)
 
-    on either side; width w over the gap g, share k that does not come back when the
-    load is off. Seating as in ASTM D638-14, annex A1.
+    growth rho in 1/s, the same in all recordings; t since the specimen was mounted.
     """
 
-    parameters = Slack.parameters[:1] + (
-        Parameter("width", "-", 1.0, 30.0, 1.0, "log", "w, of the foot over the gap"),
-        Parameter("kept", "-", 0.0, 1.0, 0.0, meaning="k, seated for good"),
+    parameters = (
+        *Slack.parameters,
+        Parameter("growth_per_s", "1/s", 0.0, 1e3, 0.01, meaning="rho"),
     )
-    shape = ("width", "kept")
 
     def before(self, p, signal, state):
-        gap, kept = p["gap"], p["kept"]
-        scale = np.maximum(p["width"] * gap, 1e-12)
-
-        def seated(strain, last):
-            lost, most = 0.0, []
-            for side, before in zip((1, -1), last, strict=True):
-                now = np.maximum(side * strain, 0)
-                top = np.maximum.accumulate(np.maximum(now, before))
-                x = now + kept * (top - now)
-                lost = lost - side * gap * np.expm1(-x / scale)
-                most.append(top[-1:])
-            return strain - lost, most
-
-        last = ((0.0, 0.0),) * 2 if state is None else state
-        strain, one = seated(signal.strain, last[0])
-        branch, two = seated(signal.branch_strain, last[1])
-        return replace(signal, strain=strain, branch_strain=branch), (one, two)
+        mounted = signal.begun_s if state is None else state
+        t = (signal.time_s - mounted)[:, None]
+        wider = {"gap": p["gap"] * (1 + p["growth_per_s"] * t), "toe": p["toe"]}
+        return super().before(wider, signal, None)[0], mounted
 
     def starts(self, scales):
-        gap = GAPS[0] * scales.strain
-        return [{"gap": gap, "width": 2.0, "kept": k} for k in (0.0, 1.0)]
+        growth = float(min(2 / np.max(scales.duration_s), 1e3))
+        return [
+            {"gap": gap * scales.strain, "toe": 0.0, "growth_per_s": growth}
+            for gap in GAPS
+        ]
 
 
 class Backlash(Slack):

@@ -43,7 +43,7 @@ class ZeroOffset(Effect):
 
     @property
     def second_forms(self):
-        return (SettlingOffset(), ZeroShift())
+        return (SettlingOffset(),)
 
     def after(self, p, signal, state):
         t = (signal.time_s - signal.begun_s)[:, None]
@@ -101,35 +101,3 @@ class SettlingOffset(ZeroOffset):
         tau = float(np.clip(0.2 * np.max(scales.duration_s), 1e-2, 1e7))
         more = {"settling_s": tau, "returning": 1.0}
         return [s | more for s in super().starts(scales)]
-
-
-class ZeroShift(ZeroOffset):
-    r"""A zero that moves in a recording: a cable pulled at, a knock, an overload.
-
-    .. math:: \sigma \to \sigma + \sigma_0\,
-              \mathrm{clip}\!\left(\frac{t - t_0}{d}, 0, 1\right)
-
-    from a moment t_0 of each recording on, within d in s.
-    """
-
-    parameters = ZeroOffset.parameters + (
-        Parameter("moment_s", "s", 0.0, 1e7, 1.0, meaning="t_0"),
-        Parameter("duration_s", "s", 1e-3, 1e7, 1.0, "log", "d"),
-    )
-    per_recording = ("offset_MPa", "moment_s")
-
-    def there(self, p, t):
-        return np.clip((t - p["moment_s"]) / p["duration_s"], 0, 1)
-
-    def starts(self, scales):
-        # As wide as that a fit finds the moment from anywhere, and then narrows it.
-        wide = float(np.clip(0.5 * np.median(scales.duration_s), 1e-3, 1e7))
-        return [
-            s
-            | {
-                "moment_s": a * scales.duration_s,
-                "duration_s": wide,
-            }
-            for s in super().starts(scales)
-            for a in (0.1, 0.4)
-        ]
