@@ -65,6 +65,21 @@ def stops(increment, radius, weight, carried, out):
 
 
 @numba.njit(cache=True)
+def play(signal, pulled, pushed, carried, out):
+    """What follows within a gap: from `pulled` behind the signal to `pushed` ahead."""
+    n, sets = out.shape
+    for s in range(sets):
+        j = s if signal.shape[1] > 1 else 0
+        k = s if pulled.size > 1 else 0
+        y = carried[s]
+        for i in range(n):
+            x = signal[i, j]
+            y = min(max(y, x - pulled[k]), x + pushed[k])
+            out[i, s] = y
+        carried[s] = y
+
+
+@numba.njit(cache=True)
 def bouc_wen(increment, radius, sharpness, carried, out):
     """Bouc-Wen variable z in [-1, 1]: dz = (1 - |z|^n (z dx > 0)) dx / radius."""
     n, sets = out.shape

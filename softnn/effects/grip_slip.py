@@ -42,15 +42,15 @@ class GripSlip(Effect):
 
     stage = "rig"
     ports = ("strain", "branch_strain")
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("slip", "-", -0.5, 0.5, 0.05, meaning="strain lost", per_strain=-1),
         Parameter("moment_s", "s", 0.0, 1e7, 1.0, meaning="since the recording began"),
         Parameter("duration_s", "s", 1e-3, 1e5, 0.5, "log", meaning="of the slip"),
     )
     off = {"slip": 0.0}
     amplitude = "slip"
-    per_recording = ("slip", "moment_s")
-    shape = ("duration_s",)
+    per_recording: tuple[str, ...] = ("slip", "moment_s")
+    shape: tuple[str, ...] = ("duration_s",)
     some = True
     where = "from one moment on, in some recordings"
     twins = {
@@ -63,7 +63,7 @@ class GripSlip(Effect):
 
     @property
     def second_forms(self):
-        return (RegrippedSlip(),)
+        return (RegrippedSlip(), CreepingGrip())
 
     def before(self, p, signal, state):
         begun, earlier, last = (signal.begun_s, 0.0, 0.0) if state is None else state
@@ -130,6 +130,58 @@ class RegrippedSlip(GripSlip):
     """The same where the specimen is gripped anew between recordings."""
 
     lasting = False
+
+
+class CreepingGrip(GripSlip):
+    r"""A specimen that creeps out of its grips, the faster the more it is strained.
+
+    .. math:: \dot s = r\,|\varepsilon_{spec}|^n \operatorname{sgn} \varepsilon_{spec}
+
+    rate r in 1/s at a strain of 1, exponent n: 1 creeps steadily, a large one holds up
+    to some strain and gives way there. Power law of Norton 1929, *The Creep of Steel at
+    High Temperatures*, for the friction in the jaws.
+    """
+
+    parameters = (
+        Parameter("rate_per_s", "1/s", 0.0, 1e6, 0.01, meaning="r, at a strain of 1"),
+        Parameter("exponent", "-", 1.0, 20.0, 3.0, "log", "n"),
+    )
+    off = {"rate_per_s": 0.0}
+    amplitude = "rate_per_s"
+    per_recording = ("rate_per_s",)
+    shape = ()
+    some = False
+
+    def before(self, p, signal, state):
+        from softnn.effects._kernels import flow
+
+        rate, power = p["rate_per_s"], p["exponent"]
+        time, strains = signal.time_s, (signal.strain, signal.branch_strain)
+        sets = max(rate.size, power.size, *(x.shape[1] for x in strains))
+        if state is None:
+            state = time[0], [(0.0, np.zeros(sets))] * 2
+        step = np.diff(time, prepend=state[0])[:, None]
+        slow = 1 / np.maximum(rate, 1e-300)
+        moved, inner = [], []
+        for x, (last, carried) in zip(strains, state[1], strict=True):
+            carried = np.broadcast_to(carried, (sets,)).copy()
+            out = np.empty((len(x), sets))
+            increment = np.ascontiguousarray(np.diff(x, axis=0, prepend=last))
+            flow(step, increment, slow, np.ones(1), power, carried, out)
+            moved.append(np.where(rate > 0, out, x))  # sums are not exact
+            inner.append((x[-1:], carried))
+        new = replace(signal, strain=moved[0], branch_strain=moved[1])
+        return new, (time[-1], inner)
+
+    def starts(self, scales):
+        slip = 0.1 * scales.strain / float(np.max(scales.duration_s))
+        return [
+            {"rate_per_s": float(min(slip / scales.strain**n, 1e6)), "exponent": n}
+            for n in (6.0, 2.0)
+        ]
+
+    def closer(self, scales):
+        return []
 
 
 def _jump(chunk: Chunk, stress: Array) -> tuple[float, float]:

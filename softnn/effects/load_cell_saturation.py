@@ -33,25 +33,34 @@ class LoadCellSaturation(Effect):
 
     stage = "sensor"
     ports = ("stress",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("limit_MPa", "MPa", 1e-9, NEVER_MPa, 1.0, "log", "L"),
         Parameter("knee", "-", 0.0, 0.5, 0.0, meaning="rounding of the corner"),
     )
     off = {"limit_MPa": NEVER_MPa}
     amplitude = "limit_MPa"
-    shape = ("knee",)
+    shape: tuple[str, ...] = ("knee",)
     where = "at the highest stresses"
     twins = {"tension_only": "tension alone", "nonlinear_elasticity": "a second range"}
 
     def after(self, p, signal, state):
-        x, limit, knee = signal.stress, p["limit_MPa"], p["knee"]
+        return replace(
+            signal, stress=self.clipped(signal.stress, p["limit_MPa"], p["knee"])
+        ), None
+
+    @property
+    def second_forms(self):
+        return (UnevenLimits(), OwnRange())
+
+    @staticmethod
+    def clipped(x, limit, knee):
         share = np.abs(x) / limit
         power = 1 / np.maximum(knee, 0.01)
         # In logarithms, so that a sharp knee does not overflow.
         bend = np.logaddexp(0.0, power * np.log(np.maximum(share, 1e-300))) / power
         soft = np.where(limit >= NEVER_MPa, x, x * np.exp(-bend))
         hard = np.clip(x, -limit, limit)
-        return replace(signal, stress=np.where(knee >= 0.01, soft, hard)), None
+        return np.where(knee >= 0.01, soft, hard)
 
     def starts(self, scales):
         return [
@@ -73,6 +82,68 @@ class LoadCellSaturation(Effect):
 
     def telltale(self):
         return cycles([0.3, 0.6, 0.6], 0.05)
+
+
+class UnevenLimits(LoadCellSaturation):
+    r"""Limits of their own in tension and compression, and a share that gets through.
+
+    .. math:: \sigma \to c(\sigma) + r\,(\sigma - c(\sigma))
+
+    with c the law above, of limit L in tension and L_- in compression; r is 0 for an
+    amplifier and what the cell still bears beside a mechanical overload stop.
+    """
+
+    parameters = LoadCellSaturation.parameters + (
+        Parameter(
+            "pushed_MPa", "MPa", 1e-9, NEVER_MPa, 1.0, "log", "L_-, in compression"
+        ),
+        Parameter("beyond", "-", 0.0, 1.0, 0.0, meaning="r"),
+    )
+    off = {"limit_MPa": NEVER_MPa, "pushed_MPa": NEVER_MPa}
+    shape = ("knee", "beyond")
+
+    def after(self, p, signal, state):
+        x = signal.stress
+        pulled = self.clipped(np.maximum(x, 0), p["limit_MPa"], p["knee"])
+        pushed = self.clipped(np.minimum(x, 0), p["pushed_MPa"], p["knee"])
+        kept = pulled + pushed
+        return replace(signal, stress=kept + p["beyond"] * (x - kept)), None
+
+    def starts(self, scales):
+        # Round and low enough to move in whichever direction is clipped.
+        one, low = float(scales.stress_MPa), float(0.4 * scales.stress_MPa)
+        return [
+            {"limit_MPa": a, "knee": 0.2, "pushed_MPa": b, "beyond": 0.0}
+            for a, b in ((low, one), (one, low))
+        ]
+
+
+class OwnRange(LoadCellSaturation):
+    r"""A range that was set too small for some recordings: the limit is one of each.
+
+    .. math:: \sigma \to \mathrm{clip}(\sigma, -1/q, 1/q)
+
+    q in 1/MPa; 0 is a range that was wide enough.
+    """
+
+    parameters = (
+        Parameter("narrowness_per_MPa", "1/MPa", 0.0, 1e9, 1.0, meaning="q, 1 / limit"),
+    )
+    off = {"narrowness_per_MPa": 0.0}
+    amplitude = "narrowness_per_MPa"
+    per_recording = ("narrowness_per_MPa",)
+    shape = ()
+    some = True
+
+    def after(self, p, signal, state):
+        limit = 1 / np.maximum(p["narrowness_per_MPa"], 1e-300)
+        return replace(signal, stress=np.clip(signal.stress, -limit, limit)), None
+
+    def starts(self, scales):
+        return [
+            {"narrowness_per_MPa": float(min(k / scales.stress_MPa, 1e9))}
+            for k in (2.5, 1.25)
+        ]
 
 
 def _flat(chunk: Chunk, at: NDArray[np.bool]) -> float:

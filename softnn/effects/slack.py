@@ -45,7 +45,7 @@ class Slack(Effect):
 
     stage = "rig"
     ports = ("strain", "branch_strain")
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(
             "gap",
             "-",
@@ -60,7 +60,7 @@ class Slack(Effect):
     off = {"gap": 0.0}
     amplitude = "gap"
     per_recording = ("gap",)
-    shape = ("toe",)
+    shape: tuple[str, ...] = ("toe",)
     where = "at small strain, before the specimen is taut"
     twins = {
         "zero_offset": "a hold at zero strain before loading",
@@ -92,7 +92,7 @@ class Slack(Effect):
 
     @property
     def second_forms(self):
-        return (Foot(),)
+        return (Foot(), GrowingGap(), Backlash())
 
     def starts(self, scales):
         return [{"gap": share * scales.strain, "toe": 0.0} for share in GAPS]
@@ -137,6 +137,67 @@ class Foot(Slack):
 
     def starts(self, scales):
         return [{"gap": GAPS[0] * scales.strain, "toe": 0.3}]
+
+
+class GrowingGap(Slack):
+    r"""A gap that widens as time goes on: a knot that gives, teeth that bite through.
+
+    .. math:: g(t) = g\,(1 + \rho\,t)
+
+    growth rho in 1/s, the same in all recordings; t since the specimen was mounted.
+    """
+
+    parameters = (
+        *Slack.parameters,
+        Parameter("growth_per_s", "1/s", 0.0, 1e3, 0.01, meaning="rho"),
+    )
+
+    def before(self, p, signal, state):
+        mounted = signal.begun_s if state is None else state
+        t = (signal.time_s - mounted)[:, None]
+        wider = {"gap": p["gap"] * (1 + p["growth_per_s"] * t), "toe": p["toe"]}
+        return super().before(wider, signal, None)[0], mounted
+
+    def starts(self, scales):
+        growth = float(min(2 / np.max(scales.duration_s), 1e3))
+        return [
+            {"gap": gap * scales.strain, "toe": 0.0, "growth_per_s": growth}
+            for gap in GAPS
+        ]
+
+
+class Backlash(Slack):
+    r"""Play in the load train: at each turn the gap is crossed before the grip follows.
+
+    .. math:: \varepsilon - s g \;\le\; \varepsilon_{spec} \;\le\;
+              \varepsilon + (1 - s)\,g
+
+    and otherwise the specimen stays as it is; seat s is the share of the gap that a
+    first pull has to cross. Nordin and Gutman 2002,
+    doi:10.1016/S0005-1098(02)00047-X.
+    """
+
+    parameters = Slack.parameters[:1] + (
+        Parameter("seat", "-", 0.0, 1.0, 0.5, meaning="s, crossed by the first pull"),
+    )
+    shape = ("seat",)
+
+    def before(self, p, signal, state):
+        from softnn.effects._kernels import play
+
+        strains = signal.strain, signal.branch_strain
+        behind = p["seat"] * p["gap"]
+        ahead = (1 - p["seat"]) * p["gap"]
+        sets = max(behind.size, *(x.shape[1] for x in strains))
+        carried = np.zeros((2, sets)) if state is None else state
+        carried = np.broadcast_to(carried, (2, sets)).copy()
+        moved = [np.empty((len(x), sets)) for x in strains]
+        for x, inner, out in zip(strains, carried, moved, strict=True):
+            play(x, behind, ahead, inner, out)
+        return replace(signal, strain=moved[0], branch_strain=moved[1]), carried
+
+    def starts(self, scales):
+        return [{"gap": GAPS[0] * scales.strain, "seat": 0.5}]
 
 
 def _taken_up(chunk: Chunk, stress: Array, much: float) -> tuple[float, float]:

@@ -27,10 +27,12 @@ class ZeroOffset(Effect):
 
     stage = "sensor"
     ports = ("stress",)
-    parameters = (Parameter("offset_MPa", "MPa", -1e3, 1e3, 0.02, meaning="sigma_0"),)
+    parameters: tuple[Parameter, ...] = (
+        Parameter("offset_MPa", "MPa", -1e3, 1e3, 0.02, meaning="sigma_0"),
+    )
     off = {"offset_MPa": 0.0}
     amplitude = "offset_MPa"
-    per_recording = ("offset_MPa",)
+    per_recording: tuple[str, ...] = ("offset_MPa",)
     some = True
     where = "all through some recordings, at any strain"
     twins = {
@@ -39,8 +41,18 @@ class ZeroOffset(Effect):
         "permanent_set": "a first loading from zero",
     }
 
+    @property
+    def second_forms(self):
+        return (SettlingOffset(),)
+
     def after(self, p, signal, state):
-        return replace(signal, stress=signal.stress + p["offset_MPa"]), None
+        t = (signal.time_s - signal.begun_s)[:, None]
+        shift = p["offset_MPa"] * self.there(p, t)
+        return replace(signal, stress=signal.stress + shift), None
+
+    def there(self, p, t):
+        """Share of the offset that is there at times t (n, 1)."""
+        return 1.0
 
     def starts(self, scales):
         return [{"offset_MPa": float(min(0.05 * scales.stress_MPa, 1e3))}]
@@ -66,3 +78,26 @@ class ZeroOffset(Effect):
 
     def telltale(self):
         return ramps([0, 0, 0.5, 0.5, 0, 0], 0.1)
+
+
+class SettlingOffset(ZeroOffset):
+    r"""Zeroed before it had settled: the offset, or a share r of it, dies away.
+
+    .. math:: \sigma \to \sigma + \sigma_0\,(1 - r + r\,e^{-t / \tau})
+
+    A cell warmed by a hand, or just unloaded: return to zero, ISO 376.
+    """
+
+    parameters = ZeroOffset.parameters + (
+        Parameter("settling_s", "s", 1e-2, 1e7, 10.0, "log", "tau"),
+        Parameter("returning", "-", 0.0, 1.0, 1.0, meaning="r"),
+    )
+    shape = ("returning",)
+
+    def there(self, p, t):
+        return 1 + p["returning"] * np.expm1(-t / p["settling_s"])
+
+    def starts(self, scales):
+        tau = float(np.clip(0.2 * np.max(scales.duration_s), 1e-2, 1e7))
+        more = {"settling_s": tau, "returning": 1.0}
+        return [s | more for s in super().starts(scales)]

@@ -153,7 +153,7 @@ def _effects(
     for kind, entries in (("before", order), ("after", after)):
         for stage, i, piece in entries:
             law = piece.effect
-            if law.id == "inertia":
+            if "causal" in law.exempt:
                 if kind == "before":
                     _unless_left_out(law.id, options, out)
                 continue

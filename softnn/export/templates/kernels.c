@@ -8,6 +8,35 @@ static double sign(double x)
 {
     return (double)((x > 0.0) - (x < 0.0));
 }
+/*@ saturated */
+/* A channel with a limit, bent into it over a knee. */
+static double saturated(double y, double limit, double knee)
+{
+    const double power = 1.0 / fmax(knee, 0.01);
+    double a;
+    if (knee < 0.01) {
+        return clip(y, -limit, limit);
+    }
+    if (limit >= 1e6) {
+        return y;
+    }
+    a = power * log(fmax(fabs(y) / limit, 1e-300));
+    return y * exp(-((a > 0.0 ? a : 0.0) + log1p(exp(-fabs(a)))) / power);
+}
+/*@ slacken */
+/* Strains behind a gap: none within it, and a foot as wide as `toe` gaps. */
+static void slacken(double gap, double toe, double *e, double *b)
+{
+    const double width = fmax(toe * gap, 1e-12);
+    double *const seen[2] = {e, b};
+    int i;
+    for (i = 0; i < 2 && gap > 0.0; i++) {
+        const double size = fabs(*seen[i]), x = size - gap;
+        const double soft =
+            x > width ? x : x > -width ? (x + width) * (x + width) / 4.0 / width : 0.0;
+        *seen[i] = sign(*seen[i]) * fmin(soft, size);
+    }
+}
 /*@ first_order */
 /* A first-order lag of a signal that is straight between samples. */
 static double first_order(double dt, double x, double tau, double *before, double *y)

@@ -1,13 +1,16 @@
 /*@ Slack before */
-if ({gap} > 0.0) {
-    const double width = fmax({toe} * {gap}, 1e-12);
+slacken({gap}, {toe}, &e, &b);
+/*@ Foot = Slack */
+/*@ GrowingGap before */
+slacken({gap} * (1.0 + {growth_per_s} * t), {toe}, &e, &b);
+/*@ Backlash state */
+double inner[2];
+/*@ Backlash before */
+{
     double *const seen[2] = {&e, &b};
     int i;
     for (i = 0; i < 2; i++) {
-        const double size = fabs(*seen[i]), x = size - {gap};
-        const double soft =
-            x > width ? x : x > -width ? (x + width) * (x + width) / 4.0 / width : 0.0;
-        *seen[i] = sign(*seen[i]) * fmin(soft, size);
+        const double x = *seen[i], behind = fmax(q->inner[i], x - {seat} * {gap});
+        *seen[i] = q->inner[i] = fmin(behind, x + (1.0 - {seat}) * {gap});
     }
 }
-/*@ Foot = Slack */
