@@ -27,9 +27,9 @@ from softnn.mismatch.candidates import (
 from softnn.mismatch.evidence import Evidence, Weigher
 from softnn.noise import Noise
 
-EXPANDED = (3, 1, 1)  # accounts of one, two, three effects that are given one more
+EXPANDED = (3, 1)  # accounts of one, two effects that are given one more
 PRICE = 5.0  # of an effect, in log evidence, while searching
-ALIKE = 8.0  # of log evidence, by which a form of an effect is as good as another
+ALIKE = 5.0  # of log evidence, by which a form of an effect is as good as another
 FAR = 30.0  # of log evidence, by which an account of several effects is out of it
 TOLD = 0.02  # of log density a sample, by which a noise is another
 NEAR = 10.0  # of log evidence, by which specimens may be behind and yet be tried
@@ -130,9 +130,11 @@ def _asked_again(
     The form that suits an effect was chosen while the others were not there yet.
     """
     out: list[Account] = []
-    engine = weigher.engine
+    engine, top = weigher.engine, max(map(value, found))
     for size in {len(a.effects) for a in found if len(a.effects) > 1}:
         best = max((a for a in found if len(a.effects) == size), key=value)
+        if value(best) < top - FAR:
+            continue
         for law, fewer in _each_less(best):
             less = fit(engine, fewer, fixed_base=best.fit.fixed_base)
             known = [one for one in pool if one.id == law.id]

@@ -76,11 +76,13 @@ def expand(
                     leads[key] = lead
     ranked = sorted(leads.values(), key=lambda lead: -lead.gain)
     ranked = [x for x in ranked if x.gain > max(ENTRY, BESIDE * ranked[0].gain)]
-    tried = list(dict.fromkeys(lead.piece.effect.id for lead in ranked))[:most]
+    of: dict[str, list[Lead]] = {}
+    for lead in ranked:
+        of.setdefault(lead.piece.effect.id, []).append(lead)
     found = [
         refine(engine, base, lead.piece, 6)
-        for lead in ranked
-        if lead.piece.effect.id in tried
+        for leads_ in list(of.values())[:most]
+        for lead in leads_[: forms + 1]  # a score test may be wrong by a place
     ]
     if not names(base):
         found += [refine(engine, base, piece, 6) for piece in shown(engine, pool)]
