@@ -61,13 +61,15 @@ class GainDrift(GainError):
 
     .. math:: \sigma \to \sigma\,(1 + \gamma\,(1 - e^{-t / \tau}))
 
-    Supply or amplifier that warms up.
+    Supply or amplifier that warms up: drift of sensitivity, Doebelin, *Measurement
+    Systems*, ch. 3.
     """
 
     parameters = (
         Parameter("error", "-", -MOST, MOST, 0.1, meaning="gamma, in the end"),
         Parameter("settling_s", "s", 1e-2, 1e7, 100.0, "log", "tau"),
     )
+    where = "ever more through some recordings, in proportion to the stress"
 
     def after(self, p, signal, state):
         t = (signal.time_s - signal.begun_s)[:, None]

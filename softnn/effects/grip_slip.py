@@ -148,9 +148,10 @@ class CreepingGrip(GripSlip):
     )
     off = {"rate_per_s": 0.0}
     amplitude = "rate_per_s"
-    per_recording = ("rate_per_s",)
+    per_recording = ()
     shape = ()
     some = False
+    where = "little by little, at large strain the most"
 
     def before(self, p, signal, state):
         from softnn.effects._kernels import flow

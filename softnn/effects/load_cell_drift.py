@@ -145,6 +145,7 @@ class ZeroShift(LoadCellDrift):
         Parameter("duration_s", "s", 1e-3, 1e7, 1.0, "log", "d"),
     )
     per_recording = ("drift_MPa_per_s", "moment_s")
+    where = "from one moment of a recording on, loaded or not"
 
     def wander(self, p, t):
         return p["drift_MPa_per_s"] * np.clip(t - p["moment_s"], 0, p["duration_s"])

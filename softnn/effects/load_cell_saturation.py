@@ -93,11 +93,14 @@ class UnevenLimits(LoadCellSaturation):
     amplifier and what the cell still bears beside a mechanical overload stop.
     """
 
-    parameters = LoadCellSaturation.parameters + (
+    # No bend as long, and no share as large, as those of a material that softens.
+    parameters = (
+        LoadCellSaturation.parameters[0],
         Parameter(
             "pushed_MPa", "MPa", 1e-9, NEVER_MPa, 1.0, "log", "L_-, in compression"
         ),
-        Parameter("beyond", "-", 0.0, 1.0, 0.0, meaning="r"),
+        Parameter("knee", "-", 0.0, 0.25, 0.0, meaning="rounding of the corner"),
+        Parameter("beyond", "-", 0.0, 0.5, 0.0, meaning="r"),
     )
     off = {"limit_MPa": NEVER_MPa, "pushed_MPa": NEVER_MPa}
     shape = ("knee", "beyond")
