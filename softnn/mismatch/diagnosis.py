@@ -119,9 +119,12 @@ class Diagnosis:
 
 
 def diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None = None, seed: int = 0
+    case: Case,
+    model: str | Stored | StoredNetwork | None = None,
+    seed: int = 0,
+    jobs: int = 1,
 ) -> Diagnosis:
-    """Diagnose a case with the base `model`.
+    """Diagnose a case with the base `model`, in `jobs` processes.
 
     None takes the model the case names, else its `simulated_MPa`, else pl-wiechert. A
     stored model is taken as it is, not refitted. Raises `InputError` for recordings
@@ -129,11 +132,11 @@ def diagnose(
     """
     # Its products are small: more threads than one take longer.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnose(case, model, seed)
+        return _diagnose(case, model, seed, jobs)
 
 
 def _diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None, seed: int
+    case: Case, model: str | Stored | StoredNetwork | None, seed: int, jobs: int
 ) -> Diagnosis:
     clock = time.perf_counter()
     check_case(case)
@@ -152,7 +155,9 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    told = Told(search(start(counted(case, axes), model)))
+    begun = start(counted(case, axes), model)
+    begun.engine.jobs = jobs
+    told = Told(search(begun))
     learned = None
     if told.verdict == "unexplained":
         learned = learn(told.engine, told.base.fit, rng)
