@@ -5,17 +5,20 @@ best count is then judged by specimen and by strain rate as well: random folds p
 neighbours in time of one specimen on both sides, and so measure interpolation. Beside
 the networks stand the piecewise-linear models on the same data, and Table 6.6.
 
-Stopped at any moment and started again, it goes on where it was.
+Stopped at any moment and started again, it goes on where it was. With `--inputs all
+--regularisation all` it is the joint study of `python -m studies.architectures`.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from softnn.contracts import InputError
 from softnn.json_file import plain
 from softnn.search import Finished, Value
 from softnn.study.choice import (
@@ -56,8 +59,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_worker(made)
     arguments = made.parse_args(argv)
+    every = [arguments.inputs == "all", arguments.regularisation == "all"]
 
     def work() -> None:
+        if any(every):
+            raise InputError(
+                "one of --inputs and --regularisation is all; the joint study seeks "
+                "both, so give all to both"
+            )
         settings = settings_of(arguments)
         # Only the published protocol may replace the project's results.
         usual = Settings(material=settings.material, data=settings.data)
@@ -65,7 +74,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         asked = smoked(settings) if arguments.smoke else settings
         run(asked, places, arguments.keep_best)
 
-    return guarded(work)
+    return jointly(argv) if all(every) else guarded(work)
+
+
+def jointly(argv: Sequence[str] | None) -> int:
+    """The joint study, asked for by `--inputs all --regularisation all`."""
+    from studies.architectures import main as joint
+
+    asked = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    asked.add_argument("--inputs")
+    asked.add_argument("--regularisation")
+    return joint(asked.parse_known_args(argv)[1])
 
 
 def run(settings: Settings, places: Places, keep_best: bool = False) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from softnn.search import TOGETHER, Finished, Range, Search
+from studies import architectures, neurons
 from studies.architectures_report import choices, front, paired, words
 from studies.architectures_trials import beaten, conditions, configuration
 
@@ -156,3 +157,13 @@ def test_explore_draws_alike_whichever_trial_ends_first(tmp_path):
     other = explored(f"sqlite:///{tmp_path / 'p.db'}", 40)
     assert [t.parameters for t in one] == [t.parameters for t in other]
     assert seen == [max(0, i + 1 - TOGETHER) for i in range(40)]
+
+
+def test_the_study_of_neurons_hands_on_what_asks_for_all(monkeypatch, capsys):
+    asked = []
+    monkeypatch.setattr(architectures, "main", lambda argv: asked.extend(argv) or 0)
+    both = ["--inputs", "all", "--material", "FR", "--regularisation", "all"]
+    assert neurons.main(both) == 0
+    assert asked == ["--material", "FR"]
+    assert neurons.main(["--inputs", "all"]) == 2
+    assert "give all to both" in capsys.readouterr().err
