@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.special import erf
 
 from softnn.contracts import Chunk
 from softnn.effects import effect
@@ -53,25 +52,6 @@ def test_softening_is_of_spring_or_branches_as_the_share_says(
         np.testing.assert_allclose(out, full if does else chunk.strain, atol=1e-9)
 
 
-def test_kinetic_damage_comes_by_travel_and_is_forgotten():
-    n, d, s = 0.4, 0.6, 0.5
-    values = {
-        "depth": d, "scale": 0.1, "sharpness": s, "viscous_share": 1.0, "cycles": n,
-        "healing_s": 1e6,
-    }  # fmt: skip
-    chunk = there_and_back([0, 0.6, 0.3, 0.6, 0.0, 0.0], 4000)
-    out = spring_with("mullins_softening", "KineticSoftening", values, chunk)
-    reach = erf((0.6**2 - 0.3**2) / (0.1**2 + 0.6**2) / s)
-    share = 1 - (1 - 1 / (1 + 2 * n)) * np.exp(-0.5 / (2 * n))  # half of 0.6 back
-    assert out[8000] / 0.3 == pytest.approx(1 - d * share * reach, rel=5e-3)
-    again = there_and_back([0, 0.6, 0.0, 0.0, 0.6])
-    for healing, healed in ((5.0, True), (1e6, False)):
-        own = values | {"healing_s": healing, "cycles": 0.01}
-        out = spring_with("mullins_softening", "KineticSoftening", own, again)
-        virgin = np.allclose(out[1200:], again.strain[1200:], rtol=1e-3)
-        assert virgin == healed
-
-
 def test_softening_of_beatty_is_the_root_of_what_is_missing_to_the_largest_strain():
     chunk = there_and_back([0, 0.5, 0.1, 0.7, 0])
     largest = np.maximum.accumulate(chunk.strain)
@@ -79,15 +59,6 @@ def test_softening_of_beatty_is_the_root_of_what_is_missing_to_the_largest_strai
     out = spring_with("mullins_softening", "BeattySoftening", values, chunk)
     gap = np.sqrt(largest**2 - chunk.strain**2)
     np.testing.assert_allclose(out, chunk.strain * np.exp(-0.8 * gap), atol=1e-9)
-
-
-@pytest.mark.parametrize("power", [0.0, 1.0, 3.0])
-def test_softening_after_so_many_cycles_goes_with_their_work(power):
-    values = {"loss": 0.4, "scale": 0.8, "power": power, "healing_s": 1e6}
-    chunk = there_and_back([0, 0.5, 0, 0.5, 0, 0.5])  # two cycles and a half
-    out = spring_with("cyclic_softening", "WorkSoftening", values, chunk)
-    work = 5 * (0.5 / 0.8) ** (power + 1) / (power + 1)
-    assert out[-1] == pytest.approx(0.5 * (1 - 0.4 * (1 - np.exp(-work))), rel=2e-3)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -155,19 +126,6 @@ def test_pulled_evenly_branches_thin_by_the_rate(exponent):
     np.testing.assert_allclose(
         out, simulate(thin, stiffness, [], [chunk])[0], rtol=1e-9
     )
-
-
-def test_a_hardened_dashpot_bears_more_by_the_strain():
-    law, chunk = (
-        effect("nonlinear_viscosity", "PowerLawViscosity"),
-        there_and_back([0, 0.6]),
-    )
-    plain = law.defaults() | {"time_s": 60.0}
-    soft = spring_with("nonlinear_viscosity", law.form, plain, chunk) - chunk.strain
-    hard = plain | {"hardening": 4.0}
-    out = spring_with("nonlinear_viscosity", "HardeningViscosity", hard, chunk)
-    stronger = soft * (1 + 4 * chunk.strain)
-    np.testing.assert_allclose(out - chunk.strain, stronger, atol=1e-12)
 
 
 def test_a_folded_strip_bears_what_it_did_as_it_buckled():

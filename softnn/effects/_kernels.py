@@ -244,23 +244,6 @@ def broken_down(down, up, goal, carried, out):
 
 
 @numba.njit(cache=True)
-def fading(size, passed, carried, out):
-    """The largest so far (n, sets) of sizes that are forgotten as times pass.
-
-    passed (n, 1 or sets) is the time of each step in units of that of forgetting.
-    """
-    n, sets = out.shape
-    for s in range(sets):
-        j = s if size.shape[1] > 1 else 0
-        k = s if passed.shape[1] > 1 else 0
-        m = carried[s]
-        for i in range(n):
-            m = max(m * np.exp(-passed[i, k]), size[i, j])
-            out[i, s] = m
-        carried[s] = m
-
-
-@numba.njit(cache=True)
 def ratchet(step, goal, time, carried, out):
     """What follows a goal (n, 1 or sets) upwards, late by a time, and never falls."""
     n, sets = out.shape

@@ -47,7 +47,6 @@ class CyclicSoftening(Effect):
             TravelSoftening(),
             SaturatingSoftening(),
             PartialSoftening(),
-            WorkSoftening(),
         )
 
     def count(self, signal, state):
@@ -146,56 +145,3 @@ class PartialSoftening(CyclicSoftening):
 
 
 LASTING = 1e6  # s, that is as good as never
-
-
-class WorkSoftening(CyclicSoftening):
-    r"""Softening by the work done so far, which may heal with time.
-
-    .. math:: \sigma \to \sigma\,(1 - c\,x), \qquad
-              \dot x = \left|\frac{\varepsilon}{s}\right|^{q}
-              \frac{|\dot\varepsilon|}{s}\,(1 - x) - \frac{x}{\tau}
-
-    Work is that on a straight spring, q = 1; 0 counts travel, and the higher q, the
-    less do small cycles. scale s as strain, healing time tau in s. Continuous damage
-    of Miehe 1995, *Eur. J. Mech. A* 14, 697-720; recovery as in a thixotropic fluid,
-    Barnes 1997, *J. Non-Newtonian Fluid Mech.* 70, 1-33.
-    """
-
-    parameters = (
-        *CyclicSoftening.parameters,
-        Parameter("scale", "-", 1e-3, 1e3, 1.0, "log", "s, as strain", -1),
-        Parameter("power", "-", 0.0, 5.0, 1.0, meaning="q, 1 for work"),
-        Parameter("healing_s", "s", 1.0, LASTING, LASTING, "log", "tau"),
-    )
-    shape = ("power", "healing_s")
-
-    def after(self, p, signal, state):
-        from softnn.effects._kernels import broken_down
-
-        time, power = signal.time_s, p["power"] + 1
-        last, then, carried = (0.0, time[0], 0.0) if state is None else state
-        strain = np.concatenate(
-            [np.broadcast_to(last, signal.strain[:1].shape), signal.strain]
-        )
-        size = np.abs(strain) / p["scale"]
-        down = np.abs(np.diff(np.sign(strain) * size**power, axis=0)) / power
-        up = np.diff(time, prepend=then)[:, None] / p["healing_s"]
-        sets = max(down.shape[1], up.shape[1])
-        carried = np.broadcast_to(carried, (sets,)).copy()
-        done = np.empty((len(time), sets))
-        broken_down(down, up, np.ones((len(time), 1)), carried, done)
-        factor = np.maximum(1 - p["loss"] * done, 0.05)
-        new = replace(
-            signal,
-            equilibrium=signal.equilibrium * factor,
-            branches=signal.branches * factor,
-        )
-        return new, (signal.strain[-1:], time[-1], carried)
-
-    def starts(self, scales):
-        size = float(np.clip(2 * scales.strain, 1e-3, 1e3))
-        middle = float(np.clip(np.median(scales.duration_s), 1.0, LASTING))
-        return [
-            {"loss": 0.25, "scale": size, "power": 1.0, "healing_s": t}
-            for t in (LASTING, middle)
-        ]

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
-
-MOST = 0.3  # of the stress, by which a gain drifts
 
 
 class GainError(Effect):
@@ -27,9 +23,7 @@ class GainError(Effect):
 
     stage = "sensor"
     ports = ("stress",)
-    parameters: tuple[Parameter, ...] = (
-        Parameter("error", "-", -0.8, 4.0, 0.1, meaning="gamma"),
-    )
+    parameters = (Parameter("error", "-", -0.8, 4.0, 0.1, meaning="gamma"),)
     off = {"error": 0.0}
     amplitude = "error"
     per_recording = ("error",)
@@ -42,10 +36,6 @@ class GainError(Effect):
         "mullins_softening": "a second recording of a virgin specimen",
     }
 
-    @property
-    def second_forms(self):
-        return (GainDrift(),)
-
     def after(self, p, signal, state):
         return replace(signal, stress=signal.stress * (1 + p["error"])), None
 
@@ -54,28 +44,3 @@ class GainError(Effect):
 
     def telltale(self):
         return cycles([0.3, 0.6], 0.05)
-
-
-class GainDrift(GainError):
-    r"""A gain that changes while a recording lasts, and settles.
-
-    .. math:: \sigma \to \sigma\,(1 + \gamma\,(1 - e^{-t / \tau}))
-
-    Supply or amplifier that warms up: drift of sensitivity, Doebelin, *Measurement
-    Systems*, ch. 3.
-    """
-
-    parameters = (
-        Parameter("error", "-", -MOST, MOST, 0.1, meaning="gamma, in the end"),
-        Parameter("settling_s", "s", 1e-2, 1e7, 100.0, "log", "tau"),
-    )
-    where = "ever more through some recordings, in proportion to the stress"
-
-    def after(self, p, signal, state):
-        t = (signal.time_s - signal.begun_s)[:, None]
-        error = p["error"] * -np.expm1(-t / p["settling_s"])
-        return replace(signal, stress=signal.stress * (1 + error)), None
-
-    def starts(self, scales):
-        tau = float(np.clip(0.5 * np.max(scales.duration_s), 1e-2, 1e7))
-        return [{"error": 0.1, "settling_s": tau}]

@@ -48,7 +48,7 @@ class LoadCellDrift(Effect):
 
     @property
     def second_forms(self):
-        return (OwnDrift(), WarmUp(), PowerDrift(), ZeroShift())
+        return (OwnDrift(), WarmUp())
 
     def after(self, p, signal, state):
         t = (signal.time_s - signal.begun_s)[:, None]
@@ -103,65 +103,6 @@ class WarmUp(LoadCellDrift):
         longest = float(np.max(scales.duration_s))
         tau = float(np.clip(0.5 * longest, 1e-2, 1e7))
         return [super().starts(scales)[0] | {"warm_up_s": tau}]
-
-
-class PowerDrift(OwnDrift):
-    r"""Drift that slows down or speeds up: a h (t / h)^p, with h = 100 s.
-
-    A drift a in MPa/s, the mean over the first 100 s, in each recording. From the first
-    minutes of creep, p about 1/3 (Andrade 1910, doi:10.1098/rspa.1910.0050), to a room
-    that warms up ever faster, p above 1.
-    """
-
-    parameters = LoadCellDrift.parameters + (
-        Parameter("exponent", "-", 0.3, 3.0, 1.0, "log", "p"),
-    )
-
-    def wander(self, p, t):
-        share = np.maximum(t, 0) / LONG_S
-        return p["drift_MPa_per_s"] * LONG_S * share ** p["exponent"]
-
-    def starts(self, scales):
-        size, long = 0.05 * scales.stress_MPa, np.maximum(scales.duration_s, 1e-9)
-        return [
-            {
-                "drift_MPa_per_s": np.minimum(size / LONG_S * (LONG_S / long) ** p, 1),
-                "exponent": p,
-            }
-            for p in (0.5, 2.0)
-        ]
-
-
-class ZeroShift(LoadCellDrift):
-    r"""A zero that moves once: a cable pulled at, a knock, an overload, a warm hand.
-
-    .. math:: \sigma \to \sigma + a\,\mathrm{clip}(t - t_0, 0, d)
-
-    at a rate a in MPa/s from a moment t_0 of each recording on, for d in s.
-    """
-
-    parameters = LoadCellDrift.parameters + (
-        Parameter("moment_s", "s", 0.0, 1e7, 1.0, meaning="t_0"),
-        Parameter("duration_s", "s", 1e-3, 1e7, 1.0, "log", "d"),
-    )
-    per_recording = ("drift_MPa_per_s", "moment_s")
-    where = "from one moment of a recording on, loaded or not"
-
-    def wander(self, p, t):
-        return p["drift_MPa_per_s"] * np.clip(t - p["moment_s"], 0, p["duration_s"])
-
-    def starts(self, scales):
-        # As long as that a fit finds the moment from anywhere, and then shortens it.
-        long = float(np.clip(0.5 * np.median(scales.duration_s), 1e-3, 1e7))
-        rate = float(min(0.05 * scales.stress_MPa / long, 1.0))
-        return [
-            {
-                "drift_MPa_per_s": rate,
-                "moment_s": share * scales.duration_s,
-                "duration_s": long,
-            }
-            for share in (0.1, 0.4)
-        ]
 
 
 def _creeping(chunk: Chunk, stress: Array) -> tuple[float, float]:

@@ -61,7 +61,7 @@ class MullinsSoftening(Effect):
 
     @property
     def second_forms(self):
-        return (SimoDamage(), KineticSoftening(), BeattySoftening())
+        return (SimoDamage(), BeattySoftening())
 
     def factor(self, p, strain, largest):
         power = p["power"]
@@ -134,54 +134,6 @@ class SimoDamage(MullinsSoftening):
 
 
 LASTING = 1e6  # s, that is as good as never
-
-
-class KineticSoftening(MullinsSoftening):
-    r"""The same that comes with travel, over some cycles, and heals with time.
-
-    .. math:: \eta = 1 - d\,\frac{x}{\varepsilon_m}\;\mathrm{erf}(\ldots), \qquad
-              \dot x = \frac{|\dot\varepsilon|}{2 n\,\varepsilon_m}(\varepsilon_m - x)
-              - \frac{x}{\tau}, \qquad
-              \dot\varepsilon_m = -\frac{\varepsilon_m}{\tau} \text{ below it}
-
-    n is the cycles it takes, healing time tau in s, that of forgetting the largest
-    strain; energy goes with the square of strain. On first loading the share is
-    1 / (1 + 2n). Damage by travel towards what the largest strain allows: Miehe and
-    Keck 2000, *J. Mech. Phys. Solids* 48, 323-365; recovery: Harwood, Mullins and Payne
-    1965, *J. Appl. Polym. Sci.* 9, 3011-3021.
-    """
-
-    parameters = (
-        *MullinsSoftening.parameters[:4],
-        Parameter("cycles", "-", 0.01, 100.0, 0.5, "log", "n, until it has come"),
-        Parameter("healing_s", "s", 1.0, LASTING, LASTING, "log", "tau"),
-    )
-    shape = ("sharpness", "viscous_share", "healing_s")
-
-    def after(self, p, signal, state):
-        from softnn.effects._kernels import broken_down, fading
-
-        strain, time = signal.strain, signal.time_s
-        last, then, top, done = (0.0, time[0], 0.0, 0.0) if state is None else state
-        passed = np.diff(time, prepend=then)[:, None] / p["healing_s"]
-        sets = max(strain.shape[1], passed.shape[1])
-        top, done = (np.broadcast_to(x, (sets,)).copy() for x in (top, done))
-        largest, share = np.empty((2, len(time), sets))
-        fading(np.abs(strain), passed, top, largest)
-        most = np.maximum(largest, 1e-12)
-        travel = np.abs(np.diff(strain, axis=0, prepend=last))
-        broken_down(travel / (2 * p["cycles"] * most), passed, most, done, share)
-        gone = 1 - self.factor({**p, "power": 2.0}, strain, largest)
-        new = self.softened(p, signal, np.minimum(share / most, 1) * gone)
-        return new, (strain[-1:], time[-1], top, done)
-
-    def starts(self, scales):
-        plain = super().starts(scales)[0]
-        middle = float(np.clip(np.median(scales.duration_s), 1.0, LASTING))
-        return [
-            plain | {"cycles": 0.5, "healing_s": LASTING},
-            plain | {"cycles": 0.05, "healing_s": middle},
-        ]
 
 
 class BeattySoftening(MullinsSoftening):

@@ -50,7 +50,7 @@ class NonlinearViscosity(Effect):
 
     @property
     def second_forms(self):
-        return (PowerLawViscosity(), HardeningViscosity(), ThinningBranches())
+        return (PowerLawViscosity(), ThinningBranches())
 
     def within(self, scales):
         return self.narrowed("time_s", high=LASTING * float(np.max(scales.duration_s)))
@@ -118,36 +118,6 @@ class PowerLawViscosity(NonlinearViscosity):
 
     def starts(self, scales):
         return [s | {"exponent": 4.0} for s in super().starts(scales)]
-
-
-class HardeningViscosity(PowerLawViscosity):
-    r"""The element with Norton's dashpot, that resists the more the larger the strain.
-
-    .. math:: \sigma_v = E g\,(1 + h|\varepsilon|)
-
-    hardening h per unit of strain: a flow resistance that grows with strain, Amin,
-    Lion, Sekita and Okui 2006, *Int. J. Plasticity* 22, 1610-1657; in a foam that is
-    pressed, of the gas between walls that near one another.
-    """
-
-    parameters = PowerLawViscosity.parameters + (
-        Parameter(
-            "hardening", "-", -1.0, 100.0, 3.0, meaning="h, per strain", per_strain=1
-        ),
-    )
-
-    def after(self, p, signal, state):
-        new, state = super().after(p, signal, state)
-        added = new.branches - signal.branches
-        stronger = np.maximum(1 + p["hardening"] * np.abs(signal.strain), 0.0)
-        return replace(new, branches=signal.branches + stronger * added), state
-
-    def starts(self, scales):
-        hard = float(np.clip(2 / max(scales.strain, 1e-6), -1, 100))
-        return [
-            s | {"stiffness_MPa": s["stiffness_MPa"] / 2, "hardening": hard}
-            for s in super().starts(scales)[:2]
-        ]
 
 
 class ThinningBranches(NonlinearViscosity):

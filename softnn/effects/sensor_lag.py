@@ -46,7 +46,7 @@ class SensorLag(Effect):
 
     @property
     def second_forms(self):
-        return (Delay(), DelayedLag(), LateStrain())
+        return (Delay(), DelayedLag())
 
     def after(self, p, signal, state):
         from softnn.effects._kernels import first_order
@@ -136,42 +136,6 @@ class DelayedLag(Delay):
 
     def starts(self, scales):
         return [s | {"pole": 1.0, "second": 0.0} for s in super().starts(scales)]
-
-
-class LateStrain(SensorLag):
-    r"""The strain channel trails instead, so that stress comes early.
-
-    .. math:: \sigma_{out}(t) = \sigma(t + T)
-              + q\,\frac{\sigma(t + 2 T) - \sigma(t)}{2}
-
-    A delay T of the strain in s, as that of a video extensometer or of channels that
-    are read one after the other; with a pole q over T, a filter of it of first order.
-    """
-
-    parameters = SensorLag.parameters[:1] + (
-        Parameter("pole", "-", 0.0, 50.0, 0.0, meaning="q, of a filter, over T"),
-    )
-    shape: tuple[str, ...] = ("pole",)
-    exempt = {
-        "causal": "what the strain shows late the stress shows ahead of it",
-        "chunked": "what the strain shows late the stress shows ahead of it",
-    }
-
-    def after(self, p, signal, state):
-        time, x, delay = signal.time_s, signal.stress, p["time_constant_s"]
-        sets = max(x.shape[1], delay.size, p["pole"].size)
-        x = np.broadcast_to(x, (len(x), sets))
-        out = np.empty_like(x)
-        # A few delays for many columns: all that share one are moved together.
-        for i, d in enumerate(delay):
-            mine = slice(None) if delay.size == 1 else slice(i, i + 1)
-            now = x[:, mine]
-            if d > 0:
-                pole = p["pole"] if p["pole"].size == 1 else p["pole"][mine]
-                further = _at(time + 2 * d, time, now)
-                now = _at(time + d, time, now) + pole * (further - now) / 2
-            out[:, mine] = now
-        return replace(signal, stress=out), None
 
 
 def _at(when, time, x):

@@ -36,7 +36,7 @@ def add_export(commands: Any) -> None:
         action="append",
         default=[],
         metavar="WHAT",
-        help="export without what cannot be stepped (inertia, sensor_lag, learned)",
+        help="export without what cannot be stepped (inertia, learned)",
     )
     parser.add_argument(
         "--interval",

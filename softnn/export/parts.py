@@ -12,7 +12,6 @@ DEEPEST = 8  # models that correct models
 LARGEST = 1_000_000  # samples a delay may hold
 UNSTEPPED = {
     "inertia": "acceleration needs the next sample",
-    "sensor_lag": "a strain that is late needs the next samples",
     "learned": "its features need the whole recording",
 }
 

@@ -70,13 +70,6 @@ static double reversals(double e, double *s)
     }
     return s[2];
 }
-/*@ broken_down */
-/* What nears a goal by `down` and comes back to zero by `up`. */
-static double broken_down(double down, double up, double goal, double before)
-{
-    const double both = down + up;
-    return both > 0.0 ? before - (goal * down / both - before) * expm1(-both) : before;
-}
 /*@ ratchet */
 /* What follows a goal upwards and never falls. s: the last goal, and it. */
 static double ratchet(double dt, double goal, double time, double *s)

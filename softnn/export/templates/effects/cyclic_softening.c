@@ -39,16 +39,3 @@ double turns[4];
     eq *= fmax(1.0 - fmin(2.0 - {viscous_share}, 1.0) * lost, 0.05);
     br *= fmax(1.0 - fmin({viscous_share}, 1.0) * lost, 0.05);
 }
-/*@ WorkSoftening state */
-double last, done;
-/*@ WorkSoftening after */
-{
-    const double power = {power} + 1.0;
-    const double now = sign(e) * pow(fabs(e) / {scale}, power);
-    double factor;
-    q->done = broken_down(fabs(now - q->last) / power, dt / {healing_s}, 1.0, q->done);
-    q->last = now;
-    factor = fmax(1.0 - {loss} * q->done, 0.05);
-    eq *= factor;
-    br *= factor;
-}

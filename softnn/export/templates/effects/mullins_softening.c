@@ -21,24 +21,6 @@ double largest;
     eq *= 1.0 - fmin(2.0 - {viscous_share}, 1.0) * (1.0 - factor);
     br *= 1.0 - fmin({viscous_share}, 1.0) * (1.0 - factor);
 }
-/*@ KineticSoftening state */
-double last, largest, done;
-/*@ KineticSoftening after */
-{
-    const double size = fabs(e), passed = dt / {healing_s};
-    double most, reach, lost;
-    q->largest = fmax(q->largest * exp(-passed), size);
-    most = fmax(q->largest, 1e-12);
-    q->done = broken_down(fabs(e - q->last) / (2.0 * {cycles} * most), passed, most,
-                          q->done);
-    q->last = e;
-    reach = (q->largest * q->largest - e * e)
-            / ({scale} * {scale} + q->largest * q->largest);
-    lost = fmin(q->done / most, 1.0) * {depth}
-           * erf(fmax(reach, 0.0) / {sharpness});
-    eq *= 1.0 - fmin(2.0 - {viscous_share}, 1.0) * lost;
-    br *= 1.0 - fmin({viscous_share}, 1.0) * lost;
-}
 /*@ BeattySoftening state */
 double largest;
 /*@ BeattySoftening after */

@@ -9,12 +9,6 @@ double last, carried;
 br += {stiffness_MPa}
       * flow(dt, b - q->last, {time_s}, {threshold}, {exponent}, &q->carried);
 q->last = b;
-/*@ HardeningViscosity state */
-double last, carried;
-/*@ HardeningViscosity after */
-br += {stiffness_MPa} * fmax(1.0 + {hardening} * fabs(e), 0.0)
-      * flow(dt, b - q->last, {time_s}, {threshold}, {exponent}, &q->carried);
-q->last = b;
 /*@ ThinningBranches state */
 double last;
 /*@ ThinningBranches before */
