@@ -39,7 +39,7 @@ UNSAID = 1.6  # log odds against specimens that nobody wrote down: one case in s
 ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is; of own wander
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
 FADING = 4  # paces at which what was not written down is forgotten
-ROUNDING = 1e-10
+ROUNDING, ROUNDED = 1e-10, 1e-12
 SEED = 1
 
 
@@ -98,7 +98,9 @@ class Weigher:
         across = mine.T @ other
         gram = np.block([[mine.T @ mine, across], [across.T, products]])
         taken = np.concatenate([q.T @ mine, q.T @ other], axis=1)
+        rounded = ROUNDED * np.diag(gram)  # what is left of large products is not exact
         gram -= taken.T @ taken
+        gram[np.diag_indices_from(gram)] += rounded
         right = np.concatenate([residual @ mine, residual @ other])
         sizes = [form.shape[1], apart.shape[1], SHARED, SHARED, self.own.shape[1]]
         kinds = np.repeat([0, len(GRIDS) - 1, 1, 2, 3], sizes)  # places in `GRIDS`
