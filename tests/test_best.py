@@ -89,21 +89,9 @@ def retrained(path: Path, use: str, parts: dict[str, slice]):
     return end, trainer.judge_parts(chosen, parts)
 
 
-# Trainings that end before they have settled follow rounding, and miss 1 % at times.
-UNSETTLED = {
-    (
-        "architectures-cb-silicone-stretcher-silicone-without-filler-CB0-control",
-        "random",
-    ),
-    ("architectures-vhb4910-zhao-VHB-4910", "unseen"),
-}
-
-
 @pytest.mark.parametrize("use", ["random", "unseen"])
 @pytest.mark.parametrize("path", ENDS, ids=lambda path: path.stem)
-def test_a_fold_of_an_end(path, use, request):
-    if (path.stem, use) in UNSETTLED:
-        request.applymarker(pytest.mark.xfail(reason="does not repeat to 1 %"))
+def test_a_fold_of_an_end(path, use):
     end, found = retrained(path, use, {"random": slice(0, 1)})
     expected = end["folds_random"][:1]
     assert found["random"]["nrmse"] == pytest.approx(expected, rel=RELATIVE)
