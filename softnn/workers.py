@@ -6,23 +6,17 @@ Or those of a Dask cluster, on any number of machines.
 from __future__ import annotations
 
 import os
-import pickle
 import signal
-import sys
 import threading
-import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
-from typing import NoReturn, TypeVar
 
 from softnn.contracts import InputError
 
 RETRIES = 3  # of work whose Dask worker died
 ANSWER_S = 15  # a scheduler is waited for
-X = TypeVar("X")
-Y = TypeVar("Y")
 
 
 @contextmanager
@@ -77,57 +71,3 @@ def attached() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def side_by_side(work: Callable[[X], Y], items: Iterable[X], jobs: int) -> list[Y]:
-    """[work(x) for x in items], shared among this process and `jobs` - 1 forks of it.
-
-    Forks see what it has in memory, so that results alone are sent. Where a process
-    cannot safely be forked it does all of the work itself.
-    """
-    every = list(items)
-    jobs = max(min(jobs, len(every)), 1) if sys.platform == "linux" else 1
-    shares = [every[k::jobs] for k in range(jobs)]
-    forks: dict[int, int] = {}  # pid: where to read from
-    done: list[list[Y]] = []
-    try:
-        for share in shares[1:]:
-            read, write = os.pipe()
-            with warnings.catch_warnings():  # BLAS has threads, but idle ones
-                warnings.simplefilter("ignore", DeprecationWarning)
-                pid = os.fork()
-            if not pid:
-                _answer(work, share, write)
-            os.close(write)
-            forks[pid] = read
-        done.append([work(x) for x in shares[0]])
-        for pid, read in list(forks.items()):
-            with os.fdopen(read, "rb") as pipe:
-                answer = pipe.read()
-            del forks[pid]
-            os.waitpid(pid, 0)
-            if not answer:
-                raise RuntimeError("a fork of this process was killed")
-            part = pickle.loads(answer)  # our own child's
-            if isinstance(part, BaseException):
-                raise part
-            done.append(part)
-    finally:
-        for pid in forks:
-            os.kill(pid, signal.SIGKILL)
-            os.waitpid(pid, 0)
-    return [done[i % len(done)][i // len(done)] for i in range(len(every))]
-
-
-def _answer(work: Callable, share: list, write: int) -> NoReturn:
-    """In a fork: do its share, write what comes of it, and be gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        try:
-            out: object = [work(x) for x in share]
-        except BaseException as error:
-            out = error
-        with os.fdopen(write, "wb") as pipe:
-            pickle.dump(out, pipe, protocol=5)
-    finally:
-        os._exit(0)

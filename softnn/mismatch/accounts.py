@@ -26,7 +26,6 @@ from softnn.mismatch.candidates import (
 )
 from softnn.mismatch.evidence import Evidence, Weigher
 from softnn.noise import Noise
-from softnn.workers import side_by_side
 
 EXPANDED = (3, 1)  # accounts of one, two effects that are given one more
 PRICE = 5.0  # of an effect, in log evidence, while searching
@@ -172,14 +171,10 @@ def _as_specimens(
         evidence = weigher.weigh(new, whole=False)
         return Account(new, evidence, account.seconds + time.perf_counter() - clock)
 
-    jobs = base.engine.jobs
-    weigher.made_ready()
-    trials = side_by_side(apart, [rest[0], max(rest, key=value)], jobs)
+    trials = [apart(rest[0]), apart(max(rest, key=value))]
     if max(map(value, trials)) < max(map(value, found)) - NEAR:
         return []
-    return trials[:1] + side_by_side(
-        apart, [a for a in _worth(rest) if a.effects], jobs
-    )
+    return trials[:1] + [apart(a) for a in _worth(rest) if a.effects]
 
 
 def _as_mistakes(
@@ -218,30 +213,25 @@ def _settled(
     for leader in leaders:
         for long in (False, True):
             noise = weigh(engine, leader.fit, long=long)
-            few = _again(base, weigher, leaders, whole=False)
+            few = [_again(base, weigher, a, whole=False) for a in leaders]
             tried.append((max(map(value, few)), noise))
     noise = max(tried, key=lambda t: t[0])[1]
     weigh_by(engine, noise)
-    accounts = _again(base, weigher, ranked)
+    accounts = [_again(base, weigher, a) for a in ranked]
     # The base alone goes first; of its two, with and without scatter, the better.
     bare = next(i for i, a in enumerate(ranked) if not a.effects)
     return noise, [accounts[bare], *accounts[:bare], *accounts[bare + 1 :]]
 
 
 def _again(
-    base: Baseline, weigher: Weigher, accounts: Sequence[Account], whole: bool = True
-) -> list[Account]:
-    """The accounts under the noise now in force."""
-
-    def one(account: Account) -> Account:
-        clock = time.perf_counter()
-        guess = account.fit.guess
-        again = fit(base.engine, guess, fixed_base=base.fixed, iterations=REFITTED)
-        evidence = weigher.weigh(again, whole)
-        return Account(again, evidence, account.seconds + time.perf_counter() - clock)
-
-    weigher.made_ready()
-    return side_by_side(one, accounts, base.engine.jobs)
+    base: Baseline, weigher: Weigher, account: Account, whole: bool = True
+) -> Account:
+    """An account under the noise now in force."""
+    clock = time.perf_counter()
+    guess, fixed = account.fit.guess, base.fixed
+    again = fit(base.engine, guess, fixed_base=fixed, iterations=REFITTED)
+    evidence = weigher.weigh(again, whole)
+    return Account(again, evidence, account.seconds + time.perf_counter() - clock)
 
 
 def _worth(found: Sequence[Account]) -> list[Account]:
@@ -279,18 +269,16 @@ def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
     again = fit(engine, base.fit.guess, fixed_base=fixed, iterations=REFITTED)
     if engine.log_norm - before > TOLD * len(engine.target):
         return again, expand(engine, again, pool, FIRST, FORMS)
-
-    def refitted(one: Fit) -> Fit:
-        return fit(engine, one.guess, fixed_base=fixed, iterations=REFITTED)
-
-    return again, side_by_side(refitted, first, engine.jobs)
+    refitted = [
+        fit(engine, f.guess, fixed_base=fixed, iterations=REFITTED) for f in first
+    ]
+    return again, refitted
 
 
 def _weighed(weigher: Weigher, fits: Iterable[Fit]) -> list[Account]:
-    def account(one: Fit) -> Account:
+    out = []
+    for one in fits:
         clock = time.perf_counter()
         evidence = weigher.weigh(one, whole=False)
-        return Account(one, evidence, time.perf_counter() - clock)
-
-    weigher.made_ready()
-    return side_by_side(account, fits, weigher.engine.jobs)
+        out.append(Account(one, evidence, time.perf_counter() - clock))
+    return out

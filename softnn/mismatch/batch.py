@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,6 @@ class Job:
     as_is: bool = False  # take implausible numbers as they stand
     aloud: bool = False  # whether to say what was inferred before it starts
     command: str = ""
-    processes: int = 1  # that share the work on it
 
 
 @dataclass(frozen=True)
@@ -93,8 +92,7 @@ def run(
     Or on the workers of a Dask `scheduler`, which see the same folders.
     """
     if min(most, len(jobs)) < 2 and scheduler is None:
-        for i, job in enumerate(jobs):
-            yield i, diagnose_one(replace(job, processes=most))
+        yield from ((i, diagnose_one(job)) for i, job in enumerate(jobs))
         return
     with workers(min(most, len(jobs)), scheduler) as pool:
         futures = {pool.submit(diagnose_one, job): i for i, job in enumerate(jobs)}
@@ -119,8 +117,7 @@ def diagnose_one(job: Job) -> Outcome:
             told = json.loads((job.out / "diagnosis.json").read_text("utf-8"))
             return Outcome(f"done before: {told['summary']}", told)
         mark.unlink(missing_ok=True)
-        model = None if job.model is None else base(job.model)
-        found = diagnose(case, model, job.seed, job.processes)
+        found = diagnose(case, None if job.model is None else base(job.model), job.seed)
     except InputError as error:
         return Outcome(str(error))
     found.result["provenance"] = {

@@ -19,7 +19,6 @@ from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.locate import held_only
 from softnn.mismatch.screen import Lead, Screen, clipped, only, start_pieces
 from softnn.mismatch.verify import intervals
-from softnn.workers import side_by_side
 
 ENTRY = 8.0  # of chi2, below which nothing, and no recording, is worth a refit
 BESIDE = 0.02  # of the largest gain: an effect that promises less waits for it
@@ -80,23 +79,20 @@ def expand(
     of: dict[str, list[Lead]] = {}
     for lead in ranked:
         of.setdefault(lead.piece.effect.id, []).append(lead)
-    pieces = [
-        lead.piece
+    found = [
+        refine(engine, base, lead.piece, 6)
         for leads_ in list(of.values())[:most]
         for lead in leads_[: forms + 1]  # a score test may be wrong by a place
     ]
     if not names(base):
-        pieces += shown(engine, pool)
-    found = side_by_side(lambda p: refine(engine, base, p, 6), pieces, engine.jobs)
+        found += [refine(engine, base, piece, 6) for piece in shown(engine, pool)]
     found = [f for f in found if len(names(f)) > len(names(base))]
     found = _best_forms(found, forms)
-
-    def with_shape(ranked: tuple[int, Fit]) -> Fit:
-        rank, one = ranked
+    out = []
+    for rank, one in enumerate(found):
         near = one.chi2 < base.chi2 - 0.5 * (base.chi2 - found[0].chi2)
-        return shaped(engine, screen, one, rank < 3) if rank < 3 or near else one
-
-    return side_by_side(with_shape, enumerate(found), engine.jobs)
+        out.append(shaped(engine, screen, one, rank < 3) if rank < 3 or near else one)
+    return out
 
 
 def _best_forms(found: Sequence[Fit], most: int) -> list[Fit]:

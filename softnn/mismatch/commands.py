@@ -254,9 +254,7 @@ def demo(arguments: argparse.Namespace) -> int:
     batch.writable(out)
     names = conceal(out / "case", arguments.effect, arguments.seed)
     print(f"Concealed {arguments.effect} in {len(names)} recordings in {out / 'case'}.")
-    cores = os.cpu_count() or 1
-    folder = str(out / "case")
-    (job,) = batch.jobs_of([folder], out / "found", None, processes=cores)
+    (job,) = batch.jobs_of([str(out / "case")], out / "found", None)
     outcome = batch.diagnose_one(job)
     print(outcome.line)
     print(f"report: {job.out / 'report.html'}")

@@ -119,12 +119,9 @@ class Diagnosis:
 
 
 def diagnose(
-    case: Case,
-    model: str | Stored | StoredNetwork | None = None,
-    seed: int = 0,
-    jobs: int = 1,
+    case: Case, model: str | Stored | StoredNetwork | None = None, seed: int = 0
 ) -> Diagnosis:
-    """Diagnose a case with the base `model`, in `jobs` processes.
+    """Diagnose a case with the base `model`.
 
     None takes the model the case names, else its `simulated_MPa`, else pl-wiechert. A
     stored model is taken as it is, not refitted. Raises `InputError` for recordings
@@ -132,11 +129,11 @@ def diagnose(
     """
     # Its products are small: more threads than one take longer.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnose(case, model, seed, jobs)
+        return _diagnose(case, model, seed)
 
 
 def _diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None, seed: int, jobs: int
+    case: Case, model: str | Stored | StoredNetwork | None, seed: int
 ) -> Diagnosis:
     clock = time.perf_counter()
     check_case(case)
@@ -155,9 +152,7 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    begun = start(counted(case, axes), model)
-    begun.engine.jobs = jobs
-    told = Told(search(begun))
+    told = Told(search(start(counted(case, axes), model)))
     learned = None
     if told.verdict == "unexplained":
         learned = learn(told.engine, told.base.fit, rng)

@@ -82,7 +82,11 @@ class Weigher:
         If not `whole`, nothing is worked out of what is beside something else.
         """
         engine = self.engine
-        _, other, unseen, products = self.made_ready()
+        if self._white is None or self._white[0] != engine.noises:
+            both = np.concatenate([self.shared, self.stiffer, self.own], axis=1)
+            other, unseen = engine.whiten(both), engine.whiten(self.unseen)
+            self._white = engine.noises, other, unseen, other.T @ other
+        _, other, unseen, products = self._white
         bent = [self.bent(change) for change in changes(engine, found)]
         form = (
             engine.whiten(np.concatenate(bent, axis=1))
@@ -140,15 +144,6 @@ class Weigher:
                 for s in found.slots
             ),
         )
-
-    def made_ready(self) -> tuple[int, Array, Array, Array]:
-        """What all accounts are weighed with, whitened by the noise now in force."""
-        engine = self.engine
-        if self._white is None or self._white[0] != engine.noises:
-            both = np.concatenate([self.shared, self.stiffer, self.own], axis=1)
-            other, unseen = engine.whiten(both), engine.whiten(self.unseen)
-            self._white = engine.noises, other, unseen, other.T @ other
-        return self._white
 
     def bent(self, change: Array) -> Array:
         """What form errors of scale one would make of an effect (valid, k), MPa."""
