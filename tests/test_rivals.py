@@ -206,11 +206,13 @@ def test_dictionary_says_whose_each_column_is(offset):
     book = offset.dictionary
     np.testing.assert_allclose(np.sqrt(np.mean(book.values**2, axis=0)), 1, rtol=1e-9)
     zero = [i for i, e in enumerate(book.effects) if e == "zero_offset"]
-    assert sorted(book.own[zero]) == [0, 1, 2, 3]
+    level = []  # of which recordings there is a column that is the same all through
     for i in zero:
         mine = offset.engine.owner == book.own[i]
-        assert np.ptp(book.values[mine, i]) == pytest.approx(0, abs=1e-9)
         assert (book.values[~mine, i] == 0).all()
+        if np.ptp(book.values[mine, i]) < 1e-9:
+            level.append(book.own[i])
+    assert sorted(level) == [0, 1, 2, 3]
 
 
 def test_nothing_selected_is_the_base():

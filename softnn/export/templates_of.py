@@ -30,8 +30,8 @@ def template(name: str) -> str:
 def blocks(name: str) -> dict[str, str]:
     """Blocks of a template by heading; ``A = B`` repeats what B has.
 
-    >>> sorted(blocks("effects/grip_slip.c"))
-    ['GripSlip before', 'RegrippedSlip before']
+    >>> sorted(blocks("effects/gain_error.c"))
+    ['GainError after']
     """
     parts = _HEADING.split(template(name))
     found: dict[str, str] = {}

@@ -20,6 +20,7 @@ from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Guess, Slot, _bounded, fit, get, put
 
 BLOCKS = 10
+MOST_EXCESS = 1e100  # a fit that ran away, squared once more, is no number
 DAMPING = 1e-4  # of each diagonal entry, for what the others cannot determine
 
 
@@ -125,7 +126,8 @@ def intervals(found: Fit) -> dict[tuple[int, str, tuple[int, ...] | None], tuple
     d = np.linalg.norm(j, axis=0)
     d = np.where(d > 0, d, 1.0)
     gram = (j / d).T @ (j / d) + 1e-10 * np.eye(j.shape[1])
-    excess = max(found.chi2 / max(len(found.residual) - j.shape[1], 1), 1.0)
+    excess = found.chi2 / max(len(found.residual) - j.shape[1], 1)
+    excess = min(max(excess, 1.0), MOST_EXCESS)
     sd = np.sqrt(np.maximum(np.diag(np.linalg.inv(gram)), 0) * excess) / d
     out = {}
     for slot, s in zip(found.slots, sd[len(sd) - k :], strict=True):
