@@ -23,7 +23,7 @@ from softnn.neural.network import Network, Scaling
 from softnn.neural.rows import Rows, nguyen_widrow, normalised, stacked, summary
 
 # Rows taken at once, the same in any company, so that sums are rounded alike.
-CHUNK = {"cpu": 512, "cuda": 2**15}
+CHUNK = {"cpu": 1024, "cuda": 2**15}
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
 
 
