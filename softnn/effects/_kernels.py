@@ -223,27 +223,6 @@ def turning(step, kick, width, out):
 
 
 @numba.njit(cache=True)
-def broken_down(down, up, goal, carried, out):
-    """What (n, sets) nears a goal by `down` and comes back to zero by `up`.
-
-    All (n, 1 or sets), the ways in units of their own scale; exact where they go on
-    evenly between samples.
-    """
-    n, sets = out.shape
-    for s in range(sets):
-        j = s if down.shape[1] > 1 else 0
-        k = s if up.shape[1] > 1 else 0
-        m = s if goal.shape[1] > 1 else 0
-        d = carried[s]
-        for i in range(n):
-            both = down[i, j] + up[i, k]
-            if both > 0.0:
-                d -= (goal[i, m] * down[i, j] / both - d) * np.expm1(-both)
-            out[i, s] = d
-        carried[s] = d
-
-
-@numba.njit(cache=True)
 def ratchet(step, goal, time, carried, out):
     """What follows a goal (n, 1 or sets) upwards, late by a time, and never falls."""
     n, sets = out.shape

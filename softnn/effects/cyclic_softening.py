@@ -43,11 +43,7 @@ class CyclicSoftening(Effect):
 
     @property
     def second_forms(self):
-        return (
-            TravelSoftening(),
-            SaturatingSoftening(),
-            PartialSoftening(),
-        )
+        return (TravelSoftening(), SaturatingSoftening(), PartialSoftening())
 
     def count(self, signal, state):
         from softnn.effects._kernels import reversals
@@ -64,13 +60,18 @@ class CyclicSoftening(Effect):
 
     def after(self, p, signal, state):
         number, state = self.count(signal, state)
-        factor = np.maximum(1 - p["loss"] * self.grown(p, number), 0.05)
+        lost = p["loss"] * self.grown(p, number)
+        spring, branches = self.shares(p)
         new = replace(
             signal,
-            equilibrium=signal.equilibrium * factor,
-            branches=signal.branches * factor,
+            equilibrium=signal.equilibrium * np.maximum(1 - spring * lost, 0.05),
+            branches=signal.branches * np.maximum(1 - branches * lost, 0.05),
         )
         return new, state
+
+    def shares(self, p):
+        """Of the loss, in spring and branches."""
+        return 1.0, 1.0
 
     def starts(self, scales):
         return [{"loss": 0.12}]
@@ -128,20 +129,9 @@ class PartialSoftening(CyclicSoftening):
         Parameter("viscous_share", "-", 0.0, 2.0, 1.0, meaning="v, 1 all of both"),
     )
 
-    def after(self, p, signal, state):
-        number, state = self.count(signal, state)
-        lost, share = p["loss"] * self.grown(p, number), p["viscous_share"]
-        spring = np.maximum(1 - np.minimum(2 - share, 1) * lost, 0.05)
-        branches = np.maximum(1 - np.minimum(share, 1) * lost, 0.05)
-        new = replace(
-            signal,
-            equilibrium=signal.equilibrium * spring,
-            branches=signal.branches * branches,
-        )
-        return new, state
+    def shares(self, p):
+        share = p["viscous_share"]
+        return np.minimum(2 - share, 1), np.minimum(share, 1)
 
     def starts(self, scales):
         return [{"loss": 0.15, "viscous_share": v} for v in (0.2, 1.8)]
-
-
-LASTING = 1e6  # s, that is as good as never

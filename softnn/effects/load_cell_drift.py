@@ -10,7 +10,6 @@ from softnn.contracts import Array, Chunk, Effect, Parameter
 from softnn.effects._programmes import ramps
 from softnn.effects._signs import noise, peak, reach
 
-LONG_S = 100.0
 MUCH = (0.02, 5.0)  # of the peak stress, and noises, that a drift is in all
 OUT, HOME = 0.5, 0.15  # of the largest strain: away from, and back at, the beginning
 LIKE = 0.05  # of the largest strain, by which peaks and returns may differ

@@ -133,9 +133,6 @@ class SimoDamage(MullinsSoftening):
         ]
 
 
-LASTING = 1e6  # s, that is as good as never
-
-
 class BeattySoftening(MullinsSoftening):
     r"""The same, steep at the largest strain: half of it is there at once.
 

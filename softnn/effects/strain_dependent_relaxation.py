@@ -201,10 +201,7 @@ class WholeSchapery(StrainClock):
     ports = ("branch_strain", "branches")
     parameters = (*StrainClock.parameters, Schapery.parameters[1])
     off = {"growth": 0.0, "outer": 0.0}
-
-    def after(self, p, signal, state):
-        factor = np.maximum(1 + p["outer"] * np.abs(signal.strain), 0.0)
-        return replace(signal, branches=signal.branches * factor), None
+    after = Schapery.after
 
     def starts(self, scales):
         unit = 1 / max(scales.strain, 1e-6)

@@ -187,7 +187,7 @@ def _places(model: Stored, i: int, options: Options) -> dict[str, Any]:
         plain = law.off.get(key, values[key])
         values[key] = own.get(key, {}).get(options.recording or "", plain)
     law.prepare(values)
-    if law.form in ("FrictionHysteresis", "WallFriction", "GrownFriction"):
+    if "spread" in values:  # of elements that slide one after the other
         weight = np.exp(-0.5 * (np.log2(RATIOS) / values["spread"]) ** 2)
         values |= {
             "elements": len(RATIOS),

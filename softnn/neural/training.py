@@ -23,7 +23,8 @@ from softnn.neural.network import Network, Scaling
 from softnn.neural.rows import Rows, nguyen_widrow, normalised, stacked, summary
 
 # Rows taken at once, the same in any company, so that sums are rounded alike.
-CHUNK = {"cpu": 1024, "cuda": 2**15}
+ROWS = 1024
+HELD = 2**27  # Jacobian entries held at once by a device, whose rounding is its own
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
 
 
@@ -118,15 +119,16 @@ class _Tanh:
     def split(self, parameters: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         return _split(parameters, self.x.shape[2], self.width)
 
-    def _chunks(self) -> list[slice]:
-        rows = CHUNK.get(self.x.device.type, CHUNK["cpu"])
-        total = self.x.shape[1]
+    def _chunks(self, networks: int, columns: int) -> list[slice]:
+        rows, total = ROWS, self.x.shape[1]
+        if self.x.device.type != "cpu":
+            rows = max(256, HELD // max(1, networks * columns))
         return [slice(i, min(i + rows, total)) for i in range(0, total, rows)]
 
     def sse(self, parameters: Tensor, which: Tensor) -> Tensor:
         hidden, output, bias = self.split(parameters)
         total = self.within[which].clone()
-        for rows in self._chunks():
+        for rows in self._chunks(len(which), 2 * self.width):
             layer = torch.bmm(self.x[which, rows], hidden).tanh_()
             error = (layer * output).sum(dim=2)
             error += bias - self.y[which, rows]
@@ -145,7 +147,7 @@ class _Tanh:
         products = self.x.new_zeros(b, p + 1, p + 1)  # of the Jacobian and, last, error
         bent = self.x.new_zeros(b, len(pairs), s)  # sum e d2f/dw_k dw_m
         mixed = self.x.new_zeros(b, d1, s)  # sum e d2f/dw_k dw_2
-        for rows in self._chunks():
+        for rows in self._chunks(b, 2 * p):
             x = self.x[which, rows]
             both = self.x.new_empty(b, x.shape[1], p + 1)
             jacobian = both[:, :, :-1]
@@ -210,8 +212,9 @@ def train(
     inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
     Normalisation is that of the training samples alone. With `starts` above 1 the best
     of that many starts, by log evidence on the summary of the samples, is trained on.
-    The same seed gives the same network, whatever else is in the batch. `threads` at
-    work, one a core by default; where processes share the cores one is best.
+    On a CPU the same seed gives the same network, whatever else is in the batch.
+    `threads` at work, one a core by default; where processes share the cores one is
+    best.
     """
     inputs, target = np.asarray(inputs, float), np.asarray(target, float)
     _check(inputs, target, neurons, train_mask, seeds, starts)

@@ -70,6 +70,19 @@ static double reversals(double e, double *s)
     }
     return s[2];
 }
+/*@ stops */
+/* Elements that slide one after the other, from -1 to 1. */
+static double stops(double increment, int elements, const double *radius,
+                    const double *weight, double *carried)
+{
+    double loop = 0.0;
+    int i;
+    for (i = 0; i < elements; i++) {
+        carried[i] = clip(carried[i] + increment, -radius[i], radius[i]);
+        loop += weight[i] * carried[i] / radius[i];
+    }
+    return loop;
+}
 /*@ ratchet */
 /* What follows a goal upwards and never falls. s: the last goal, and it. */
 static double ratchet(double dt, double goal, double time, double *s)

@@ -4,13 +4,7 @@ double last, carried[{elements}];
 {
     static const double radius[{elements}] = {{radius}};
     static const double weight[{elements}] = {{weight}};
-    const double increment = e - q->last;
-    double loop = 0.0;
-    int i;
-    for (i = 0; i < {elements}; i++) {
-        q->carried[i] = clip(q->carried[i] + increment, -radius[i], radius[i]);
-        loop += weight[i] * q->carried[i] / radius[i];
-    }
+    const double loop = stops(e - q->last, {elements}, radius, weight, q->carried);
     q->last = e;
     eq += {friction_MPa} * fmax(1.0 + {growth} * fabs(e), 0.0) * loop;
 }
@@ -20,13 +14,7 @@ double last, carried[{elements}];
 {
     static const double radius[{elements}] = {{radius}};
     static const double weight[{elements}] = {{weight}};
-    const double increment = e - q->last;
-    double loop = 0.0;
-    int i;
-    for (i = 0; i < {elements}; i++) {
-        q->carried[i] = clip(q->carried[i] + increment, -radius[i], radius[i]);
-        loop += weight[i] * q->carried[i] / radius[i];
-    }
+    const double loop = stops(e - q->last, {elements}, radius, weight, q->carried);
     q->last = e;
     eq += {coefficient} * fabs(eq) * loop;
 }
@@ -57,13 +45,7 @@ double last, largest, carried[{elements}];
 {
     static const double radius[{elements}] = {{radius}};
     static const double weight[{elements}] = {{weight}};
-    const double increment = e - q->last;
-    double loop = 0.0;
-    int i;
-    for (i = 0; i < {elements}; i++) {
-        q->carried[i] = clip(q->carried[i] + increment, -radius[i], radius[i]);
-        loop += weight[i] * q->carried[i] / radius[i];
-    }
+    const double loop = stops(e - q->last, {elements}, radius, weight, q->carried);
     q->last = e;
     q->largest = fmax(q->largest, fabs(e));
     eq += {friction_MPa} * q->largest * loop;
