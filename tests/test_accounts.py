@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from made import STIFFNESS, UNITS, histories, mullins
 
-from softnn.effects import EFFECTS
+from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine
-from softnn.mismatch.accounts import search, value
-from softnn.mismatch.base import Baseline, baseline, weigh
-from softnn.mismatch.candidates import candidates, expand, names
+from softnn.mismatch.accounts import Account, _as_mistakes, search, value
+from softnn.mismatch.base import Baseline, baseline, scatter, weigh
+from softnn.mismatch.candidates import candidates, expand, names, refine
 from softnn.mismatch.evidence import Weigher
 from softnn.mismatch.posterior import posterior
 from softnn.models.units import Units
@@ -104,6 +104,38 @@ def test_what_is_planted_is_worth_most(softened):
     found = posterior(softened.accounts)
     assert next(iter(found.effects)) == "mullins_softening"
     assert found.best.effects == {"mullins_softening"}
+
+
+MISTAKEN = Term(effect("gain_error"), {"error": np.array([0, 0.05, 0, -0.04, 0])})
+
+
+def test_scales_that_agree_but_for_some_are_mistakes_in_these():
+    base = baseline(made([MISTAKEN]), "pl-wiechert")
+    weigher, pool = Weigher(base.engine, base.fit), candidates(base.engine, "", False)
+    each = scatter(5, [(r,) for r in range(1, 5)], unsaid=True)
+    apart = refine(base.engine, base.fit, each)
+    asked = [Account(apart, weigher.weigh(apart, whole=False))]
+    (found,) = _as_mistakes(weigher, asked, pool)
+    (piece,) = found.fit.guess.pieces
+    assert not piece.nuisance
+    assert piece.groups == ((1,), (3,))
+    error = piece.values["error"] - piece.values["error"][0]
+    np.testing.assert_allclose(error, MISTAKEN.values["error"], atol=0.01)
+    assert value(found) > value(asked[0])
+
+
+@pytest.mark.slow
+def test_a_search_tries_scales_as_mistakes():
+    found = search(baseline(made([MISTAKEN]), "pl-sls"))  # of two branches it has one
+    both = {"relaxation_branch", "gain_error"}
+    mistaken = [value(a) for a in found.accounts if a.effects == both]
+    apart = [
+        value(a)
+        for a in found.accounts
+        if any(p.unsaid for p in a.fit.guess.pieces)
+        and a.effects == {"relaxation_branch"}
+    ]
+    assert max(mistaken) > max(apart)
 
 
 @pytest.mark.slow

@@ -56,3 +56,15 @@ def test_refusals_are_plain(tmp_path):
     (tmp_path / "a.csv").write_text(f"time_s,strain,stress_MPa\n{rows}\n")
     with pytest.raises(InputError, match="no recording unloads"):
         prepared(Settings(data=str(tmp_path), cycles=True))
+
+
+def test_a_recording_without_a_geometry_is_left_out_aloud(tmp_path, capsys):
+    rows = "\n".join(f"{t},{0.01 * t},{0.02 * t}" for t in range(20))
+    (tmp_path / "spring.csv").write_text(f"time_s,elongation_mm,force_N\n{rows}\n")
+    with pytest.raises(InputError, match="no recording has a geometry"):
+        prepared(Settings(data=str(tmp_path)))
+    (tmp_path / "strip.csv").write_text(f"time_s,strain,stress_MPa\n{rows}\n")
+    capsys.readouterr()
+    (data,) = prepared(Settings(data=str(tmp_path)))
+    assert len(data.tensile) == 1
+    assert "no geometry, so no stress; left out" in capsys.readouterr().err
