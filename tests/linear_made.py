@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from softnn.contracts import Chunk
+from softnn.models import MODELS, PLWiechert, SecondOrderExponential
 
 SLS = {"equilibrium_stiffness": 0.8, "stiffness": 1.7, "relaxation_time": 0.6}
 
@@ -14,6 +16,12 @@ BURGERS = {
     "retarded_stiffness": 0.7,
     "retardation_time": 0.4,
 }
+
+with_a_modulus = pytest.mark.parametrize(
+    "model",
+    [m for m in MODELS if not isinstance(m, SecondOrderExponential | PLWiechert)],
+    ids=lambda m: type(m).__name__,
+)
 
 
 def defaults(model):

@@ -6,7 +6,7 @@ import time as clock
 
 import numpy as np
 import pytest
-from linear_made import BURGERS, SLS, defaults, wander
+from linear_made import BURGERS, SLS, defaults, wander, with_a_modulus
 from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, lsim
 
@@ -19,7 +19,6 @@ from softnn.models import (
     KelvinVoigt,
     Maxwell,
     PLWiechert,
-    SecondOrderExponential,
     StandardLinearSolid,
     Wiechert,
 )
@@ -263,11 +262,7 @@ def test_causal_and_at_rest(model):
     assert not model.apply(defaults(model), still)[0].any()
 
 
-@pytest.mark.parametrize(
-    "model",
-    [m for m in MODELS if not isinstance(m, SecondOrderExponential | PLWiechert)],
-    ids=lambda m: type(m).__name__,
-)
+@with_a_modulus
 def test_a_step_of_strain_gives_the_relaxation_modulus(model):
     parameters = BURGERS if isinstance(model, Burgers) else defaults(model)
     time = np.linspace(0, 30, 1001)

@@ -4,26 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_made import BURGERS, SLS, defaults, wander
+from linear_made import BURGERS, SLS, defaults, wander, with_a_modulus
 
 from softnn.contracts import Chunk, InputError
 from softnn.models import (
-    MODELS,
     Burgers,
     KelvinVoigt,
     Maxwell,
-    PLWiechert,
-    SecondOrderExponential,
     StandardLinearSolid,
     Wiechert,
 )
 
 
-@pytest.mark.parametrize(
-    "model",
-    [m for m in MODELS if not isinstance(m, SecondOrderExponential | PLWiechert)],
-    ids=lambda m: type(m).__name__,
-)
+@with_a_modulus
 def test_creep_and_relaxation_are_each_others_inverse(model):
     # Strain that creeps under a constant stress, imposed, gives that stress back.
     parameters = BURGERS if isinstance(model, Burgers) else defaults(model)

@@ -3,7 +3,6 @@
 import base64
 import gzip
 import json
-import shutil
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -196,18 +195,6 @@ def test_seven_recordings_of_5000_samples_stay_under_6_megabytes(tmp_path):
 
 
 # -- in a browser ----------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
-    if path is None:
-        pytest.skip("no chromium to look at the page with")
-    sync = pytest.importorskip("playwright.sync_api")
-    with sync.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
