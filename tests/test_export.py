@@ -1,23 +1,17 @@
 """C, FMU and ONNX say what Python says; cards carry the numbers of the model."""
 
-import ctypes
-import json
 import shutil
-import subprocess
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from export_made import Compiled, history, network, piece, with_effects
 
-from softnn import cli
-from softnn.contracts import Chunk, InputError, Scales
+from softnn.contracts import Chunk, InputError
 from softnn.effects import EFFECTS, effect
 from softnn.export.files import Options, export, stored_of, write
 from softnn.export.source import c_source
-from softnn.export.templates_of import FOLDER, blocks, identifier
-from softnn.fit import Piece
-from softnn.model_file import Stored, read_model
+from softnn.export.templates_of import FOLDER, blocks
 from softnn.models import (
     PLSLS,
     Burgers,
@@ -28,89 +22,10 @@ from softnn.models import (
     StandardLinearSolid,
     Wiechert,
 )
-from softnn.models.units import Units, build
-from softnn.neural import PUBLISHED, Scaling, Seen, StoredNetwork, architecture_of
+from softnn.neural import PUBLISHED, Scaling, Seen
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
-STRICT = ["-std=c99", "-O2", "-pedantic", "-Wall", "-Wextra", "-Werror"]
-SCALES = Scales(0.6, 2.0, 1e-3, np.array([35.0]), 5.0, 5.0)
 FORMS_OF_EFFECTS = [law for e in EFFECTS for law in (e, *e.second_forms)]
-
-
-class Compiled:
-    """A model's C, compiled strictly and loaded: `run` steps through a history."""
-
-    def __init__(self, folder: Path, model, name="model", options=None):
-        for text, ending in zip(c_source(model, name, options), "hc", strict=True):
-            (folder / f"{name}.{ending}").write_text(text, encoding="ascii")
-        (folder / "size.c").write_text(
-            f'#include "{name}.h"\n'
-            "unsigned long size(void);\nunsigned flags(const void *s);\n"
-            f"unsigned long size(void) {{ return sizeof({name}_state); }}\n"
-            "unsigned flags(const void *s)\n"
-            f"{{ return ((const {name}_state *)s)->flags; }}\n"
-        )
-        path = folder / "model.so"
-        files = [folder / f"{name}.c", folder / "size.c"]
-        subprocess.run(
-            ["gcc", *STRICT, "-shared", "-fPIC", "-o", path, *files, "-lm"], check=True
-        )
-        library = ctypes.CDLL(str(path))
-        library.size.restype = ctypes.c_ulong
-        library.flags.argtypes = [ctypes.c_void_p]
-        self.flags = library.flags
-        self.step = library[f"{name}_step"]
-        self.step.restype = ctypes.c_double
-        self.step.argtypes = [ctypes.c_void_p] + [ctypes.c_double] * 4
-        self.state = ctypes.create_string_buffer(library.size())
-        self.place = ctypes.addressof(self.state)
-        start = library[f"{name}_init"]
-        start.argtypes = [ctypes.c_void_p]
-        start(self.place)
-
-    def run(self, chunk, simulated=None):
-        nothing = np.full(len(chunk.time_s), np.nan)
-        warm = nothing if chunk.temperature_C is None else chunk.temperature_C
-        given = nothing if simulated is None else simulated
-        steps = np.diff(chunk.time_s, prepend=chunk.time_s[0])
-        stress, flags = [], []
-        for row in zip(steps, chunk.strain, warm, given, strict=True):
-            stress.append(self.step(self.place, *row))
-            flags.append(self.flags(self.place))
-        return np.array(stress), np.array(flags)
-
-
-def history(n=20_000, seed=0, low=-0.15):
-    """Irregular time with a stamp repeated, strain of both signs, a temperature."""
-    rng = np.random.default_rng(seed)
-    time = 3.0 + np.cumsum(rng.uniform(5e-4, 3e-3, n))
-    time[100] = time[99]
-    wave = 0.5 - 0.5 * np.cos(2 * time) * np.cos(0.37 * time)
-    warm = 23 + 5 * np.sin(time)
-    warm[5:50] = np.nan
-    return Chunk(time, low + (0.6 - low) * wave, warm)
-
-
-def base(branches_a_decade=2):
-    units = build("pl-wiechert", -0.2, 0.6, 1e-3, 35.0, 16, branches_a_decade)
-    stiffness = np.random.default_rng(1).uniform(0, 2, units.columns)
-    stiffness[[3, -2]] = 0
-    return units, stiffness
-
-
-def with_effects(*pieces, **more):
-    own = tuple({k: {"r": p.values[k]} for k in p.effect.per_recording} for p in pieces)
-    return Stored(*base(), pieces, own, more.get("needs", False), "fresh", **KEEP(more))
-
-
-def KEEP(more):
-    return {k: v for k, v in more.items() if k != "needs"}
-
-
-def piece(law, start=0):
-    values = law.starts(SCALES)[start]
-    own = {k: float(np.ravel(v)[0]) for k, v in values.items()}
-    return Piece(law, law.defaults() | own, ())
 
 
 def assert_same(got, want, rel=1e-9):
@@ -215,20 +130,6 @@ def test_a_model_that_is_no_spring_beside_branches_is_refused():
 
 
 # --- networks -------------------------------------------------------------------------
-
-
-def network(architecture="FFRD4", lag_s=None, seen=None, neurons=17):
-    row = architecture_of(architecture)
-    width = row.width
-    rng = np.random.default_rng(5)
-    low, high = np.zeros(width), np.full(width, 0.5)
-    if architecture == "FFRD4":
-        low[1], high[1] = 0.02, 0.25
-    scaling = Scaling(low, high), Scaling(np.array(0.0), np.array(3.0))
-    net = row.network(
-        rng.normal(size=(neurons, width + 1)), rng.normal(size=neurons + 1), *scaling
-    )
-    return StoredNetwork(net, architecture, lag_s, seen)
 
 
 @pytest.mark.parametrize("architecture", [*PUBLISHED, "FFH4", "FFH7"])
@@ -348,149 +249,3 @@ def test_fmu_is_valid_and_says_what_python_says(version, kind, tmp_path):
     assert_same(result["stress_MPa"][1:], want[1:])
     outside = model.outside(seen) if kind == "network" else np.zeros(n + 1)
     np.testing.assert_array_equal(result["outside"], np.cumsum(outside > 0))
-
-
-# --- cards ----------------------------------------------------------------------------
-
-
-def card_model(**softening):
-    units = Units("pl-wiechert", (0.0, 0.1, 0.3, 0.6), (0.5, 20.0))
-    law = effect("mullins_softening")
-    values = law.defaults() | softening
-    pieces = (Piece(law, values, ()), piece(effect("slack")))
-    own: tuple[dict, ...] = ({}, {"gap": {"r": 0.02}})
-    stiffness = np.array([6.0, 5.0, 7.0, 0.8, 0.4])
-    return Stored(units, stiffness, pieces, own, False, "fresh")
-
-
-def rows_after(text, keyword):
-    lines = text.splitlines()
-    start = next(i for i, x in enumerate(lines) if x.lower().startswith(keyword)) + 1
-    out = []
-    for line in lines[start:]:
-        if line.startswith("*"):
-            break
-        out.append([float(v) for v in line.split(",")])
-    return np.array(out)
-
-
-def test_abaqus_card_carries_the_curve_the_series_and_the_softening():
-    model = card_model(depth=0.4, scale=0.3, sharpness=0.7)
-    text = export(model, "abaqus", "Foam 3*")["foam_3.inp"].decode()
-    curve = rows_after(text, "*uniaxial")
-    # Instantaneous: the springs' own curve and 1.2 MPa of branches.
-    strain = curve[:, 1]
-    springs = np.interp(strain, (0, 0.1, 0.3, 0.6), (0, 0.6, 1.6, 3.7))
-    np.testing.assert_allclose(curve[:, 0], springs + 1.2 * strain, rtol=1e-8)
-    series = rows_after(text, "*viscoelastic")
-    np.testing.assert_allclose(series[:, 2], (0.5, 20.0))
-    assert series[0, 0] / series[1, 0] == pytest.approx(2, rel=1e-8)
-    # Relaxed, the curve is that of the springs, as near as one factor can bring it.
-    kept = 1 - series[:, 0].sum()
-    off = np.max(np.abs(kept * curve[:, 0] - springs)) / springs.max()
-    assert off < 0.02
-    assert f"off by up to {100 * off:.3g} %" in text
-    (softening,) = rows_after(text, "*mullins")
-    # Energy up to 0.3: the trapezia of the springs and half of 1.2 x 0.3 squared.
-    energy = 0.6 * 0.1 / 2 + (0.6 + 1.6) / 2 * 0.2 + 0.6 * 0.3**2
-    assert softening == pytest.approx([1 / 0.4, 0.7 * energy, 0.7], rel=1e-2)
-    assert "NOT CARRIED: slack (Slack)" in text
-    assert "*Material, name=foam_3\n" in text
-
-
-def test_ansys_card_says_the_same():
-    model = card_model(depth=0.4, scale=0.3, sharpness=0.7)
-    text = export(model, "ansys", "a")["a.mac"].decode()
-    points = [x.split(",")[2:] for x in text.splitlines() if x.startswith("TBPT")]
-    inp = export(model, "abaqus", "a")["a.inp"].decode()
-    curve = rows_after(inp, "*uniaxial")
-    np.testing.assert_allclose(np.array(points, float), curve[:, ::-1], rtol=1e-8)
-    assert "TB,PRONY,MATID,1,2,SHEAR" in text
-    assert "TB,CDM,MATID,1,3,PSE2" in text
-    assert "NOT CARRIED: slack (Slack)" in text
-
-
-def test_a_card_of_one_straight_spring_relaxes_exactly():
-    model = stored_of(
-        StandardLinearSolid(),
-        {"equilibrium_stiffness": 3.0, "stiffness": 1.0, "relaxation_time": 2.0},
-    )
-    text = export(model, "abaqus", "a")["a.inp"].decode()
-    assert rows_after(text, "*viscoelastic")[0] == pytest.approx([0.25, 0, 2.0])
-    assert "off by up to" in text
-    assert "Mullins" not in text
-
-
-def test_a_network_has_no_card():
-    with pytest.raises(InputError, match="no material card"):
-        export(network(), "ansys", "a")
-
-
-# --- the command, and files from outside ----------------------------------------------
-
-
-def stored_file(path, name="pl-wiechert", **more):
-    units, stiffness = base()
-    content = {
-        "kind": "softnn-model",
-        "version": 1,
-        "history": "fresh",
-        "base": {
-            "name": name,
-            "knots": list(units.knots),
-            "relaxation_times_s": list(units.relaxation_times),
-            "stiffness_MPa": stiffness.tolist(),
-        },
-        "effects": [],
-    } | more
-    path.write_text(json.dumps(content))
-    return path
-
-
-def test_command_writes_c_that_compiles(tmp_path, capsys):
-    model = stored_file(tmp_path / "My model (2).json")
-    out = tmp_path / "out"
-    assert cli.main(["export", str(model), "--to", "c", "--out", str(out)]) == 0
-    assert sorted(p.name for p in out.iterdir()) == ["my_model_2.c", "my_model_2.h"]
-    command = ["gcc", *STRICT, "-c", "my_model_2.c", "-o", "x.o"]
-    subprocess.run(command, cwd=out, check=True)
-    assert str(out / "my_model_2.c") in capsys.readouterr().out
-
-
-EVIL = '*/ int main(void){return 1;} /* "\n#include </etc/passwd>\n?>\x00é'
-
-
-def test_a_hostile_name_gets_into_nothing(tmp_path):
-    with pytest.raises(InputError, match="no base"):  # files are refused before
-        read_model(stored_file(tmp_path / "m.json", name=EVIL))
-    units, stiffness = base()
-    evil = replace(units, name=EVIL)
-    model = Stored(evil, stiffness, (), (), False, "fresh")
-    for form, marks in (("c", ("/*", " *")), ("abaqus", "**"), ("ansys", "!")):
-        for file, content in export(model, form, "../../" + EVIL).items():
-            assert Path(file).name == file
-            text = content.decode("ascii")
-            lines = [x for x in text.splitlines() if "main(" in x or "passwd" in x]
-            lines = [x for x in lines if not x.startswith(marks)]
-            assert not [x for x in lines if "main(" in x or "#include <" in x]
-            assert text.count("/*") == text.count("*/")
-    library = tmp_path / "m.so"
-    library.write_bytes(export(model, "fmu", EVIL).popitem()[1])
-    assert Compiled(tmp_path, model, identifier(EVIL)).flags
-
-
-def test_numbers_that_are_none_are_refused(tmp_path):
-    path = stored_file(tmp_path / "m.json")
-    content = json.loads(path.read_text())
-    content["base"]["stiffness_MPa"][0] = float("inf")
-    path.write_text(json.dumps(content))
-    assert cli.main(["export", str(path), "--to", "c", "--out", str(tmp_path)]) == 2
-
-
-def test_a_link_in_the_folder_is_not_followed(tmp_path):
-    out, other = tmp_path / "out", tmp_path / "other.c"
-    out.mkdir()
-    (out / "m.c").symlink_to(other)
-    model = stored_file(tmp_path / "m.json")
-    assert cli.main(["export", str(model), "--to", "c", "--out", str(out)]) == 2
-    assert not other.exists()
