@@ -59,7 +59,7 @@ def test_heldout_of_a_linear_base_is_that_of_refitting():
     )
     engine = Engine(Data(("a", "b", "c"), chunks, stress))
     found = fit(engine, Guess(units, np.zeros(4)))
-    errors, _ = heldout(engine, found)
+    errors = heldout(engine, found).errors
     for r in range(3):
         rest = [i for i in range(3) if i != r]
         other = Engine(
@@ -87,7 +87,7 @@ def test_heldout_of_one_recording_with_values_of_its_own_is_that_of_refitting():
     for fixed in (False, True):
         guess = Guess(UNITS, np.asarray(STIFFNESS, float), (piece,))
         found = fit(engine, guess, fixed_base=fixed)
-        errors, _ = heldout(engine, found)
+        errors = heldout(engine, found).errors
         assert len(errors) == 5
         for g, error in enumerate(errors):
             test = np.arange(len(noisy)) * 5 // len(noisy) == g

@@ -88,6 +88,18 @@ def test_friction_grown_by_a_large_cycle_stays_grown():
     np.testing.assert_allclose(friction[[400, 800, -1]], [0.06, -0.06, 0.18], rtol=1e-9)
 
 
+def test_a_joint_slides_bit_by_bit_and_turns_by_masings_rule():
+    values = {"friction_MPa": 0.2, "presliding": 0.1, "power": 0.0}
+    chunk = there_and_back([0, 0.08, -0.08])
+    friction = spring_with("friction_hysteresis", "JointFriction", values, chunk)
+    friction -= chunk.strain
+    x = chunk.strain[:401] / 0.1
+    # Reaches as many as long: Segalman's integral over those that slide and those not.
+    np.testing.assert_allclose(friction[:401], 0.2 * (2 * x - x**2), atol=0.02 * 0.2)
+    back = friction[400] - friction[400:]
+    np.testing.assert_allclose(back, 2 * friction[:401], atol=1e-12)
+
+
 def test_ogden_springs_are_those_of_neo_hooke_and_mooney():
     chunk = there_and_back([0, 1.5, -0.5])
     stretch = 1 + chunk.strain

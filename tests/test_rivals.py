@@ -68,12 +68,10 @@ def floor(problem) -> float:
 
 
 def test_without_columns_the_split_is_that_of_the_diagnosis(offset):
-    errors, squares = verify.heldout(offset.engine, offset.base.fit)
+    left_out = verify.heldout(offset.engine, offset.base.fit)
     own = folds.squares(offset.engine, offset.folds)
-    assert own == pytest.approx(errors.sum(), rel=1e-12)
-    assert folds.nrmse(offset.engine, own) == pytest.approx(
-        verify.nrmse_of(errors, squares), rel=1e-12
-    )
+    assert own == pytest.approx(left_out.errors.sum(), rel=1e-12)
+    assert folds.nrmse(offset.engine, own) == pytest.approx(left_out.nrmse, rel=1e-12)
 
 
 def test_a_column_is_refitted_without_the_recording_left_out(bent):

@@ -12,6 +12,7 @@ from softnn.effects._programmes import cycles
 
 # Radii of the stop elements, in units of the presliding strain.
 RATIOS = np.array([0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
+PARTS = np.array([0.03, 0.08, 0.16, 0.28, 0.44, 0.64, 0.87])  # of the largest radius
 
 
 class FrictionHysteresis(Effect):
@@ -61,7 +62,7 @@ class FrictionHysteresis(Effect):
 
     @property
     def second_forms(self):
-        return (BoucWen(), WallFriction(), GrownFriction())
+        return (BoucWen(), WallFriction(), GrownFriction(), JointFriction())
 
     def after(self, p, signal, state):
         loop, state = self.loop(p, signal, state)
@@ -73,16 +74,20 @@ class FrictionHysteresis(Effect):
 
         last, carried = (0.0, None) if state is None else state
         increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
+        radius, weight = self.elements(p)
+        sets = max(increment.shape[1], len(radius))
+        if carried is None:
+            carried = np.zeros((sets, weight.shape[1]))
+        carried = np.broadcast_to(carried, (sets, weight.shape[1])).copy()
+        out = np.empty((len(increment), sets))
+        stops(increment, radius, weight, carried, out)
+        return out, (signal.strain[-1:], carried)
+
+    def elements(self, p):
+        """Radii and weights (sets, elements) of what slides one after the other."""
         radius, spread = np.broadcast_arrays(p["presliding"], p["spread"])
         weight = np.exp(-0.5 * (np.log2(RATIOS) / spread[:, None]) ** 2)
-        weight /= weight.sum(axis=1, keepdims=True)
-        sets = max(increment.shape[1], radius.size)
-        if carried is None:
-            carried = np.zeros((sets, len(RATIOS)))
-        carried = np.broadcast_to(carried, (sets, len(RATIOS))).copy()
-        out = np.empty((len(increment), sets))
-        stops(increment, radius[:, None] * RATIOS, weight, carried, out)
-        return out, (signal.strain[-1:], carried)
+        return radius[:, None] * RATIOS, weight / weight.sum(axis=1, keepdims=True)
 
     @staticmethod
     def _added(p, signal, loop):
@@ -96,9 +101,10 @@ class FrictionHysteresis(Effect):
             {
                 "friction_MPa": 0.08 * scales.stress_MPa,
                 "presliding": float(np.clip(r * scales.strain, 1e-5, 0.15)),
-                "spread": 0.3,
+                "spread": spread,
                 "growth": 0.0,
             }
+            for spread in (0.3, 1.5)
             for r in (0.03, 0.01, 0.1, 0.3)
         ]
 
@@ -139,7 +145,7 @@ class BoucWen(FrictionHysteresis):
         plain = super().starts(scales)
         return [
             {k: v for k, v in s.items() if k != "spread"} | {"sharpness": 1.0}
-            for s in plain
+            for s in plain[:4]
         ]
 
 
@@ -209,4 +215,44 @@ class GrownFriction(FrictionHysteresis):
                 "spread": s["spread"],
             }
             for s in super().starts(scales)[:2]
+        ]
+
+
+class JointFriction(FrictionHysteresis):
+    r"""A joint, of which more and more slides: reaches of its elements by a power law.
+
+    .. math:: \sigma \to \sigma + F \sum_k w_k z_k, \qquad
+              w_k \propto r_k^{1 + \chi}, \quad 0 < r_k < r
+
+    presliding strain r, at which all of it slides. Segalman 2005,
+    doi:10.1115/1.1867504, after Iwan 1966, doi:10.1115/1.3625199: elements of one
+    stiffness, with a density of reaches that goes with their power chi.
+    """
+
+    parameters = (
+        FrictionHysteresis.parameters[0],
+        Parameter("presliding", "-", 1e-5, 0.3, 0.1, "log", "r, strain to slip", -1),
+        Parameter("power", "-", -0.95, 3.0, -0.3, meaning="chi of the reaches"),
+    )
+    shape = ("power",)
+
+    def elements(self, p):
+        radius, power = np.broadcast_arrays(p["presliding"], p["power"])
+        ends = np.concatenate([[0.0], (PARTS[1:] + PARTS[:-1]) / 2, [1.0]])
+        weight = np.diff(ends ** (2 + power[:, None]), axis=1)
+        return radius[:, None] * PARTS, weight / weight.sum(axis=1, keepdims=True)
+
+    @staticmethod
+    def _added(p, signal, loop):
+        new = signal.equilibrium + p["friction_MPa"] * loop
+        return replace(signal, equilibrium=new)
+
+    def starts(self, scales):
+        return [
+            {
+                "friction_MPa": 0.08 * scales.stress_MPa,
+                "presliding": float(np.clip(r * scales.strain, 1e-5, 0.3)),
+                "power": -0.3,
+            }
+            for r in (0.03, 0.1, 0.3)
         ]

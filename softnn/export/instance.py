@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from softnn.contracts import InputError
-from softnn.effects.friction_hysteresis import RATIOS
+from softnn.effects.friction_hysteresis import BoucWen, FrictionHysteresis
 from softnn.effects.relaxation_branch import TIMES_S, SpreadBranch
 from softnn.export.network import network
 from softnn.export.parts import DEEPEST, UNSTEPPED, Instance, Options, struct_of
@@ -187,13 +187,10 @@ def _places(model: Stored, i: int, options: Options) -> dict[str, Any]:
         plain = law.off.get(key, values[key])
         values[key] = own.get(key, {}).get(options.recording or "", plain)
     law.prepare(values)
-    if "spread" in values:  # of elements that slide one after the other
-        weight = np.exp(-0.5 * (np.log2(RATIOS) / values["spread"]) ** 2)
-        values |= {
-            "elements": len(RATIOS),
-            "radius": values["presliding"] * RATIOS,
-            "weight": weight / weight.sum(),
-        }
+    if isinstance(law, FrictionHysteresis) and not isinstance(law, BoucWen):
+        # Elements that slide one after the other.
+        radius, weight = law.elements({k: np.array([v]) for k, v in values.items()})
+        values |= {"elements": radius.size, "radius": radius[0], "weight": weight[0]}
     if isinstance(law, SpreadBranch):
         parts = law.parts(values)
         shares, times = (np.array(x, float) for x in zip(*parts, strict=True))

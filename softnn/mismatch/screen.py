@@ -47,7 +47,12 @@ def pieces_at(
                 values[p.name] = np.broadcast_to(inside, (r,)).astype(float)
             else:
                 values[p.name] = float(inside)
-        free = tuple(p.name for p in effect.parameters if p.name not in effect.shape)
+        on = {name for name, off in effect.off.items() if np.any(start[name] != off)}
+        free = tuple(
+            p.name
+            for p in effect.parameters
+            if p.name not in effect.shape or p.name in on
+        )
         groups = tuple((i,) for i in range(r)) if effect.per_recording else ()
         out.append(Piece(effect, values, free, groups))
     return out
@@ -204,7 +209,9 @@ def _scaled(piece: Piece, by: float) -> Piece:
     values = dict(piece.values)
     if effect.off.get(effect.amplitude) == 0.0:
         factor = by if abs(by) > 0.05 else np.copysign(0.05, by)
-        values[effect.amplitude] = values[effect.amplitude] * factor
+        # Some are off where several numbers are zero: an atom is of all of them.
+        for name in (n for n, off in effect.off.items() if off == 0.0):
+            values[name] = values[name] * factor
     return replace(piece, values=clipped(effect, values))
 
 

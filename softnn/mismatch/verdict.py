@@ -11,7 +11,7 @@ from softnn.mismatch.base import weigh_by
 from softnn.mismatch.posterior import NAMED, SURE, posterior
 
 NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
-HELPS = 1 / 3  # of the held-out error over the noise, that an explanation takes away
+HELPS = 1 / 3  # of the held-out misfit over the noise, that an explanation takes away
 FEWEST = 30  # samples in all, below which nothing is told apart
 
 
@@ -70,12 +70,12 @@ class Told:
     def helps(self) -> bool:
         """Whether recordings left out are foretold better, by more than a little.
 
-        Where their error is the noise, there is nothing that could be taken from it.
+        As the noise counts it: a slow one is large and yet hides little. Where their
+        error is the noise, there is nothing that could be taken from it.
         """
-        old, new = self.heldout_before[0].sum(), self.heldout_after[0].sum()
-        least = float(np.sum(self.engine.sigma**2))
-        over = old - least
-        return bool(over < NEAR * least or old - new > HELPS * over)
+        both = (self.heldout_before, self.heldout_after)
+        old, new = (np.mean(self.engine.whiten(h.residual) ** 2) for h in both)
+        return bool(old < 1 + NEAR or old - new > HELPS * (old - 1))
 
     def _verdict(self) -> str:
         probable = self.probable

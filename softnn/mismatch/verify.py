@@ -10,7 +10,7 @@ keep one part a recording; its prediction is simulated, not linearised.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,8 +35,21 @@ def parts(engine: Engine) -> NDArray[np.integer]:
     return np.minimum(np.arange(n) * 5 // max(n, 1), 4)
 
 
-def heldout(engine: Engine, found: Fit) -> tuple[Array, Array]:
-    """Held-out squared error and sum of squared stress, each (parts,), MPa^2."""
+@dataclass(frozen=True)
+class Heldout:
+    """What is missed of what was left out."""
+
+    residual: Array  # (valid,), measured less foretold, MPa
+    errors: Array  # (parts,), sums of its squares, MPa^2
+    squares: Array  # (parts,), of the stress itself, MPa^2
+
+    @property
+    def nrmse(self) -> float:
+        return nrmse_of(self.errors, self.squares)
+
+
+def heldout(engine: Engine, found: Fit) -> Heldout:
+    """What a fit misses of each part when it is left out."""
     part, where = parts(engine), found.slots
     stiffness = found.guess.stiffness[: 0 if found.fixed_base else None]
     base = len(stiffness)
@@ -47,7 +60,7 @@ def heldout(engine: Engine, found: Fit) -> tuple[Array, Array]:
     target = found.residual + jacobian @ start
     gram, right = jacobian.T @ jacobian, jacobian.T @ target
     pull = DAMPING * np.diag(gram) + 1e-12 * np.diag(gram).max(initial=0)
-    errors, squares = [], []
+    missed = np.empty(len(engine.target))
     for g in np.unique(part):
         index = np.flatnonzero(part == g)
         mine = jacobian[index]
@@ -64,9 +77,9 @@ def heldout(engine: Engine, found: Fit) -> tuple[Array, Array]:
             ends = low[alone], high[alone]
             own[alone] = _solved(h, a.T @ miss, *ends, x[alone])
             stress[test] = predict(engine, found.guess, where, own, base)[test]
-        errors.append(float(np.sum((engine.target - stress)[index] ** 2)))
-        squares.append(float(np.sum(engine.target[index] ** 2)))
-    return np.array(errors), np.array(squares)
+        missed[index] = (engine.target - stress)[index]
+    sums = (np.bincount(part, x**2).astype(float) for x in (missed, engine.target))
+    return Heldout(missed, *sums)
 
 
 def _solved(gram: Array, right: Array, low: Array, high: Array, x: Array) -> Array:

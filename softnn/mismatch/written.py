@@ -32,7 +32,7 @@ def diagnosis(
     The scan for regions and the interval of the held-out error draw from `rng`.
     """
     before, after, probable = told.heldout_before, told.heldout_after, told.probable
-    ratio, low, high = verify.ratio_interval(before[0], after[0], rng)
+    ratio, low, high = verify.ratio_interval(before.errors, after.errors, rng)
     pieces = [(i, p) for i, p in enumerate(told.after.guess.pieces) if not p.nuisance]
     named = zip(pieces, changes(told.fine, told.after), strict=True)
     squares = float(np.sum(told.engine.target**2))
@@ -107,8 +107,8 @@ def _nrmse(told: Told, one: Fit) -> float:
     return verify.nrmse_of((target - one.stress) ** 2, target**2)
 
 
-def _errors(told: Told, one: Fit, heldout: tuple[Array, Array]) -> dict[str, float]:
-    return {"nrmse": _nrmse(told, one), "heldout_nrmse": verify.nrmse_of(*heldout)}
+def _errors(told: Told, one: Fit, heldout: verify.Heldout) -> dict[str, float]:
+    return {"nrmse": _nrmse(told, one), "heldout_nrmse": heldout.nrmse}
 
 
 def _explanation(
@@ -165,9 +165,7 @@ def _candidates(told: Told) -> list[dict[str, Any]]:
             {
                 "effect": name,
                 "probability": round(p, 4),
-                "heldout_nrmse": verify.nrmse_of(
-                    *verify.heldout(told.engine, best.fit)
-                ),
+                "heldout_nrmse": verify.heldout(told.engine, best.fit).nrmse,
                 "evidence": float(best.evidence.alone - accounts[0].evidence.alone),
                 "seconds": round(best.seconds, 3),
             }

@@ -50,3 +50,12 @@ double last, largest, carried[{elements}];
     q->largest = fmax(q->largest, fabs(e));
     eq += {friction_MPa} * q->largest * loop;
 }
+/*@ JointFriction state */
+double last, carried[{elements}];
+/*@ JointFriction after */
+{
+    static const double radius[{elements}] = {{radius}};
+    static const double weight[{elements}] = {{weight}};
+    eq += {friction_MPa} * stops(e - q->last, {elements}, radius, weight, q->carried);
+    q->last = e;
+}
