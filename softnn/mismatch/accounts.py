@@ -31,6 +31,8 @@ EXPANDED = (3, 1)  # accounts of one, two effects that are given one more
 PRICE = 5.0  # of an effect, in log evidence, while searching
 ALIKE = 5.0  # of log evidence, by which a form of an effect is as good as another
 FAR = 30.0  # of log evidence, by which an account of several effects is out of it
+ASKED = 4  # sets of several effects, of which each is asked anew beside the others
+KEPT = 12  # sets of several effects, until the noise is settled
 TOLD = 0.02  # of log density a sample, by which a noise is another
 NEAR = 10.0  # of log evidence, by which specimens may be behind and yet be tried
 FEWEST = 3  # recordings, to speak of scatter
@@ -96,9 +98,9 @@ def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)
-    found += _asked_again(weigher, found, pool)
     found += _without(weigher, found)
     noise, accounts = _settled(base, weigher, found)
+    accounts += _asked_again(weigher, accounts, pool)
     base.fit = accounts[0].fit
     return Search(base, noise, accounts)
 
@@ -125,20 +127,19 @@ def _without(weigher: Weigher, found: Sequence[Account]) -> list[Account]:
 def _asked_again(
     weigher: Weigher, found: Sequence[Account], pool: Sequence[Effect]
 ) -> list[Account]:
-    """The best account of each number of effects, each effect asked anew beside others.
+    """The best few sets of several effects, each effect asked anew beside the others.
 
     The form that suits an effect was chosen while the others were not there yet.
     """
     out: list[Account] = []
-    engine, top = weigher.engine, max(map(value, found))
-    for size in {len(a.effects) for a in found if len(a.effects) > 1}:
-        best = max((a for a in found if len(a.effects) == size), key=value)
-        if value(best) < top - FAR:
-            continue
-        for law, fewer in _each_less(best):
-            less = fit(engine, fewer, fixed_base=best.fit.fixed_base)
+    engine = weigher.engine
+    ranked = sorted((a for a in found if len(a.effects) > 1), key=value)
+    best = list({a.effects: a for a in ranked}.values())  # of each set
+    for account in sorted(best, key=value)[-ASKED:]:
+        for law, fewer in _each_less(account):
+            less = fit(engine, fewer, fixed_base=account.fit.fixed_base)
             known = [one for one in pool if one.id == law.id]
-            out += _weighed(weigher, expand(engine, less, known, 1, FORMS))
+            out += _weighed(weigher, expand(engine, less, known, 1, FORMS), whole=True)
     return out
 
 
@@ -207,7 +208,7 @@ def _settled(
     misses for noise, and under such noise a wrong account may lead.
     """
     engine = base.engine
-    ranked = sorted(_worth(found), key=value, reverse=True)
+    ranked = sorted(_worth(found, KEPT), key=value, reverse=True)
     leaders = list({len(a.effects): a for a in reversed(ranked)}.values())
     tried = []
     for leader in leaders:
@@ -234,22 +235,26 @@ def _again(
     return Account(again, evidence, account.seconds + time.perf_counter() - clock)
 
 
-def _worth(found: Sequence[Account]) -> list[Account]:
-    """The best forms of each set of effects, and no several far from the best."""
+def _worth(found: Sequence[Account], most: int = 0) -> list[Account]:
+    """The best forms of each set of effects, and no several far from the best.
+
+    So many sets are kept however far: noise not yet settled may favour others.
+    """
     once = {
         (tuple(p.effect.form for p in a.fit.guess.pieces), round(value(a))): a
         for a in reversed(found)
     }
     found = list(once.values())[::-1]
-    top = max(map(value, found))
     best: dict[frozenset[str], float] = {}
     for account in found:
         best[account.effects] = max(value(account), best.get(account.effects, -np.inf))
+    several = sorted((v for s, v in best.items() if len(s) > 1), reverse=True)
+    far = min([max(best.values()) - FAR, *several[most - 1 : most]])
     return [
         a
         for a in found
         if not value(a) < best[a.effects] - ALIKE  # the base stays, come what may
-        and (len(a.effects) < 2 or value(a) > top - FAR)
+        and (len(a.effects) < 2 or best[a.effects] >= far)
     ]
 
 
@@ -275,10 +280,12 @@ def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
     return again, refitted
 
 
-def _weighed(weigher: Weigher, fits: Iterable[Fit]) -> list[Account]:
+def _weighed(
+    weigher: Weigher, fits: Iterable[Fit], whole: bool = False
+) -> list[Account]:
     out = []
     for one in fits:
         clock = time.perf_counter()
-        evidence = weigher.weigh(one, whole=False)
+        evidence = weigher.weigh(one, whole)
         out.append(Account(one, evidence, time.perf_counter() - clock))
     return out
