@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from softnn.fit import fit
 from softnn.mismatch import locate, verify
 from softnn.mismatch.accounts import Search
@@ -70,11 +68,10 @@ class Told:
     def helps(self) -> bool:
         """Whether recordings left out are foretold better, by more than a little.
 
-        As the noise counts it: a slow one is large and yet hides little. Where their
-        error is the noise, there is nothing that could be taken from it.
+        As noise and what is not known of the others count it. Where their misfit is
+        the noise, there is nothing that could be taken from it.
         """
-        both = (self.heldout_before, self.heldout_after)
-        old, new = (np.mean(self.engine.whiten(h.residual) ** 2) for h in both)
+        old, new = self.heldout_before.misfit, self.heldout_after.misfit
         return bool(old < 1 + NEAR or old - new > HELPS * (old - 1))
 
     def _verdict(self) -> str:

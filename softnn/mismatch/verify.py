@@ -21,6 +21,7 @@ from softnn.fit import Engine, Fit, Guess, Slot, _bounded, fit, get, put
 
 BLOCKS = 10
 MOST_EXCESS = 1e100  # a fit that ran away, squared once more, is no number
+HALVINGS = 8  # of a step that made the others worse
 DAMPING = 1e-4  # of each diagonal entry, for what the others cannot determine
 
 
@@ -39,9 +40,9 @@ def parts(engine: Engine) -> NDArray[np.integer]:
 class Heldout:
     """What is missed of what was left out."""
 
-    residual: Array  # (valid,), measured less foretold, MPa
     errors: Array  # (parts,), sums of its squares, MPa^2
     squares: Array  # (parts,), of the stress itself, MPa^2
+    misfit: float  # whitened, squared, a sample; what the others leave open allowed for
 
     @property
     def nrmse(self) -> float:
@@ -60,13 +61,22 @@ def heldout(engine: Engine, found: Fit) -> Heldout:
     target = found.residual + jacobian @ start
     gram, right = jacobian.T @ jacobian, jacobian.T @ target
     pull = DAMPING * np.diag(gram) + 1e-12 * np.diag(gram).max(initial=0)
-    missed = np.empty(len(engine.target))
+    missed, chi2, kept = np.empty(len(engine.target)), 0.0, found.residual**2
     for g in np.unique(part):
         index = np.flatnonzero(part == g)
         mine = jacobian[index]
         rest = gram - mine.T @ mine + np.diag(pull), right - mine.T @ target[index]
         x = _solved(rest[0], rest[1] + pull * start, low, high, start)
-        stress = predict(engine, found.guess, where, x, base)
+        # Of a prediction with the covariance of what it rests on, the square is what
+        # the misfit of all is more than that of the others.
+        others = np.delete(target - jacobian @ x, index)
+        chi2 += found.chi2 - float(others @ others)
+        for _ in range(HALVINGS):
+            stress = predict(engine, found.guess, where, x, base)
+            left = np.delete(engine.whiten(engine.target - stress), index)
+            if left @ left <= 1.01 * np.delete(kept, index).sum():
+                break
+            x = (x + start) / 2  # laws that bend are not as far as their tangents
         alone = [base + j for j, s in enumerate(where) if s.recordings == (g,)]
         half = np.arange(len(index)) * BLOCKS // len(index) % 2
         for side in (0, 1) if alone and len(engine.chunks) > 1 else ():
@@ -78,8 +88,9 @@ def heldout(engine: Engine, found: Fit) -> Heldout:
             own[alone] = _solved(h, a.T @ miss, *ends, x[alone])
             stress[test] = predict(engine, found.guess, where, own, base)[test]
         missed[index] = (engine.target - stress)[index]
-    sums = (np.bincount(part, x**2).astype(float) for x in (missed, engine.target))
-    return Heldout(missed, *sums)
+    errors, squares = np.bincount(part, missed**2), np.bincount(part, engine.target**2)
+    misfit = chi2 / len(missed)
+    return Heldout(errors.astype(float), squares.astype(float), misfit)
 
 
 def _solved(gram: Array, right: Array, low: Array, high: Array, x: Array) -> Array:

@@ -7,7 +7,7 @@ from typing import Any
 from softnn.effects import effect
 from softnn.mismatch import locate
 from softnn.mismatch.posterior import NAMED, SURE
-from softnn.mismatch.verdict import Told
+from softnn.mismatch.verdict import HELPS, Told
 from softnn.report.phrases import listed, opened, percent, plain
 
 
@@ -66,8 +66,16 @@ def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
             f"{opened(named)} {'was' if one else 'were'} left out ({_sure(chance)}), "
             f"{effect(told.names[0]).where}."
         )
-    after = percent(result["fit"]["after"]["heldout_nrmse"])
-    said += f" With {'it' if one else 'them'} {falls} to {after} (noise {noise})."
+    fit, it = result["fit"], "it" if one else "them"
+    after = fit["after"]["heldout_nrmse"]
+    said += f" With {it} {falls} to {percent(after)} (noise {noise})."
+    old, least = fit["before"]["heldout_nrmse"] ** 2, fit["noise_nrmse"] ** 2
+    if old - after**2 < HELPS * (old - least):
+        whole = (percent(fit[when]["nrmse"]) for when in ("before", "after"))
+        said += (
+            " What others show does not settle it there; on all together the error "
+            f"goes from {' to '.join(whole)}."
+        )
     if told.verdict == "partly_explained":
         said += " Part of the mismatch stays unexplained."
     return said + _otherwise(told)
