@@ -75,6 +75,29 @@ def test_heldout_of_a_linear_base_is_that_of_refitting():
         assert errors[r] == pytest.approx(expected, rel=2e-3)
 
 
+def test_misfit_left_out_is_that_of_a_prediction_with_its_covariance():
+    rng = np.random.default_rng(4)
+    chunks = tuple(histories()[:3])
+    stress = tuple(
+        s + 0.01 * rng.standard_normal(len(s))
+        for s in simulate(UNITS, STIFFNESS, [], chunks)
+    )
+    sigma = [np.full(len(s), 0.01) for s in stress]
+    engine = Engine(Data(("a", "b", "c"), chunks, stress), sigma)
+    found = fit(engine, Guess(UNITS, np.zeros(len(STIFFNESS))))
+    assert np.all(found.guess.stiffness > 0)
+    j, target = found.jacobian, engine.whiten(engine.target)
+    total = 0.0
+    for r in range(3):
+        own = engine.owner == r
+        inverse = np.linalg.inv(j[~own].T @ j[~own])
+        missed = target[own] - j[own] @ (inverse @ (j[~own].T @ target[~own]))
+        covariance = np.eye(own.sum()) + j[own] @ inverse @ j[own].T
+        total += missed @ np.linalg.solve(covariance, missed)
+    assert heldout(engine, found).misfit == pytest.approx(total / len(target), rel=1e-4)
+    assert total / len(target) == pytest.approx(1, abs=0.1)
+
+
 def test_heldout_of_one_recording_with_values_of_its_own_is_that_of_refitting():
     # Five stretches; what the recording alone has is read off the other four.
     rng = np.random.default_rng(3)
