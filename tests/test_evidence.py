@@ -107,26 +107,42 @@ def test_evidence_of_an_account_is_the_density_of_its_residual(monkeypatch):
     assert told.alone == pytest.approx(told.beside - slight, rel=1e-9)
 
 
-def test_specimens_nobody_named_differ_each_from_a_mean_of_all(monkeypatch):
-    made = engine()
+def one_scaled(made, **kind):
+    """The second recording scaled; density of both with that variance beside noise."""
     law = effect("gain_error")
     off = {k: np.full(2, v) for k, v in law.off.items()}
-    piece = Piece(law, off, tuple(off), ((1,),), nuisance=True, unsaid=True)
-    guess = Guess(HOOKE, np.array([2.0]), (piece,))
-    found = fit(made, guess, fixed_base=True)
+    piece = Piece(law, off, tuple(off), ((1,),), **kind)
+    found = fit(made, Guess(HOOKE, np.array([2.0]), (piece,)), fixed_base=True)
     assert abs(found.guess.pieces[0].values["error"][1]) > 1e-5
-    apart = 0.03
-    grids = ((0.0,),) * 4 + ((apart,) * 3,)
-    monkeypatch.setattr(evidence, "GRIDS", grids)
-    told = Weigher(made, found).weigh(found)
-    # The second over the first, both of them off the mean: twice the variance.
     plain = 2 * np.concatenate([c.strain for c in made.chunks])
     column = plain * (made.owner == 1)
-    dense = covariance(made) + 2 * apart**2 * np.outer(column, column)
-    expected = multivariate_normal.logpdf(made.target - plain, cov=dense)
+
+    def density(variance):
+        dense = covariance(made) + variance * np.outer(column, column)
+        return multivariate_normal.logpdf(made.target - plain, cov=dense)
+
+    return found, density
+
+
+def test_specimens_nobody_named_differ_each_from_a_mean_of_all(monkeypatch):
+    made, apart = engine(), 0.03
+    found, density = one_scaled(made, nuisance=True, unsaid=True)
+    monkeypatch.setattr(evidence, "GRIDS", ((0.0,),) * 4 + ((apart,) * 3, (0.0,)))
+    told = Weigher(made, found).weigh(found)
+    # The second over the first, both of them off the mean: twice the variance.
+    expected = density(2 * apart**2)
     expected -= 0.5 * (apart / evidence.SCATTER_PRIOR) ** 2 + evidence.UNSAID
     assert told.alone == pytest.approx(expected, rel=1e-5)
     assert told.numbers == 0  # no news
+
+
+def test_a_scale_that_is_a_mistake_is_weighed_by_its_own_prior(monkeypatch):
+    made, size = engine(), 0.3
+    found, density = one_scaled(made)
+    monkeypatch.setattr(evidence, "GRIDS", ((0.0,),) * 5 + ((size,),))
+    told = Weigher(made, found).weigh(found)
+    assert told.bare == pytest.approx(density(size**2), rel=1e-5)
+    assert told.numbers == 0  # paid for by the prior
 
 
 def test_what_a_gap_leaves_is_projected_out():

@@ -1,4 +1,4 @@
-"""python -m studies.concealed.hands --side development --seed 1 --out DIR ..."""
+"""python -m bench.hands --side development --seed 1 --out DIR ..."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bench.hands.forging import forge
 
 def main() -> None:
     """Forge cases into a new folder."""
-    parser = argparse.ArgumentParser(prog="python -m studies.concealed.hands")
+    parser = argparse.ArgumentParser(prog="python -m bench.hands")
     parser.add_argument(
         "--side", choices=("development", "held-out"), default="development"
     )

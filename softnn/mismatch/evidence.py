@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from softnn.contracts import Array
-from softnn.fit import Engine, Fit, get, span
+from softnn.fit import Engine, Fit, Slot, get, span
 from softnn.models.unit_kernel import maxwell
 from softnn.state import features
 
@@ -31,7 +31,10 @@ LAGS = (3.0, 30.0)  # typical intervals, by which an effect may trail
 FORM = (0.0, 0.03, 0.1, 0.3)  # tau
 ELSE = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)  # a, of the largest stress
 SCATTER = (0.0, 0.01, 0.02, 0.04)  # of the stress, between specimens
-GRIDS = (FORM, ELSE, ELSE, ELSE, SCATTER)  # bends, three kinds of discrepancy, scatter
+MISTAKE = (0.03, 0.1, 0.3, 1.0)  # of it, of recordings that are wrong by a scale
+# Bends, three kinds of discrepancy, scatter, mistakes.
+GRIDS = (FORM, ELSE, ELSE, ELSE, SCATTER, MISTAKE)
+APART, WRONG = 4, 5  # their places
 FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
@@ -93,12 +96,12 @@ class Weigher:
             if bent
             else np.zeros((len(other), 0))
         )
-        free, apart, had = scattered(found)
+        free, apart, wrong, had = scattered(found)
         q = span(np.concatenate([free, unseen], axis=1))
         # Weights of the scatter are counted from none, not from where the fit has them.
         residual = found.residual + had
         residual = residual - q @ (q.T @ residual)
-        mine = np.concatenate([form, apart], axis=1)
+        mine = np.concatenate([form, apart, wrong], axis=1)
         across = mine.T @ other
         gram = np.block([[mine.T @ mine, across], [across.T, products]])
         taken = np.concatenate([q.T @ mine, q.T @ other], axis=1)
@@ -106,41 +109,40 @@ class Weigher:
         gram -= taken.T @ taken
         gram[np.diag_indices_from(gram)] += rounded
         right = np.concatenate([residual @ mine, residual @ other])
-        sizes = [form.shape[1], apart.shape[1], SHARED, SHARED, self.own.shape[1]]
-        kinds = np.repeat([0, len(GRIDS) - 1, 1, 2, 3], sizes)  # places in `GRIDS`
+        there = {0: form.shape[1], APART: apart.shape[1], WRONG: wrong.shape[1]}
+        sizes = [*there.values(), SHARED, SHARED, self.own.shape[1]]
+        kinds = np.repeat([*there, 1, 2, 3], sizes)  # places in `GRIDS`
         norm = engine.log_norm - 0.5 * len(residual) * np.log(2 * np.pi)
         plain = norm - 0.5 * float(residual @ residual)
 
         def value(scales: Sequence[float], free: bool) -> float:
-            prior = (scales[0] / FORM_PRIOR) ** 2 + (scales[-1] / SCATTER_PRIOR) ** 2
-            slight = scales[3:-1] if free else scales[1:-1]
+            prior = (scales[0] / FORM_PRIOR) ** 2
+            prior += (scales[APART] / SCATTER_PRIOR) ** 2
+            slight = scales[3:APART] if free else scales[1:APART]
             prior += sum((a / ELSE_PRIOR) ** 2 for a in slight)
             made = gained(gram, right, np.array(scales)[kinds])
-            return plain + made - 0.5 * prior - UNSAID * bool(scales[-1])
+            return plain + made - 0.5 * prior - UNSAID * bool(scales[APART])
 
         nothing = [0] * len(GRIDS)
-        nothing[-1] = 2 if apart.shape[1] else 0
-        moved = [
-            k
-            for k in range(len(GRIDS))
-            if (k or bent) and (apart.shape[1] or k < len(GRIDS) - 1)
-        ]
+        nothing[APART] = 2 if there[APART] else 0
+        moved = [k for k in range(len(GRIDS)) if there.get(k, 1)]
         place, alone = climb(lambda s: value(s, False), nothing, moved)
         at, beside = place, alone
         if whole:
             at, beside = climb(lambda s: value(s, True), place, moved)
-        law = [0] * (len(GRIDS) - 1) + place[-1:]
+        law = [0] * APART + place[APART:]
         bare = value([g[i] for g, i in zip(GRIDS, law, strict=True)], False)
         return Evidence(
             bare,
             float(np.logaddexp(bare + np.log(EXACT), alone + np.log1p(-EXACT))),
             beside,
             GRIDS[0][place[0]],
-            max(g[i] for g, i in zip(GRIDS[1:-1], place[1:-1], strict=True)),
-            max(g[i] for g, i in zip(GRIDS[1:-1], at[1:-1], strict=True)),
-            SCATTER[place[-1]],
+            max(ELSE[i] for i in place[1:APART]),
+            max(ELSE[i] for i in at[1:APART]),
+            SCATTER[place[APART]],
             sum(
-                s.piece < 0 or not found.guess.pieces[s.piece].nuisance
+                s.piece < 0
+                or not (found.guess.pieces[s.piece].nuisance or mistaken(found, s))
                 for s in found.slots
             ),
         )
@@ -212,29 +214,34 @@ def gained(gram: Array, right: Array, scale: Array) -> float:
     return float(0.5 * (z @ z) - np.log(np.diag(low)).sum())
 
 
-def scattered(found: Fit) -> tuple[Array, Array, Array]:
-    """Whitened columns by what is free, and by the scale of specimens nobody named.
+def mistaken(found: Fit, slot: Slot) -> bool:
+    """Whether a number is by what scale a recording is wrong: paid by its own prior."""
+    piece = found.guess.pieces[slot.piece] if slot.piece >= 0 else None
+    return piece is not None and piece.effect.scatter and not piece.nuisance
 
-    The latter (valid, k) for weights that are independent and alike, and what the fit
-    has of them (valid,). Its values are over those of the first specimen, which varies
-    as much as any other.
+
+def scattered(found: Fit) -> tuple[Array, Array, Array, Array]:
+    """Whitened columns by what is free, and by scales of single recordings.
+
+    The latter (valid, k) are of specimens that nobody named, and of mistakes, each for
+    weights that are independent and alike; last, what the fit has of both (valid,).
+    Values of specimens are over that of the first, which varies as much as any other.
     """
-    first = len(found.guess.stiffness)
+    first, slots = len(found.guess.stiffness), found.slots
     pieces = found.guess.pieces
-    unsaid = [
-        j
-        for j, slot in enumerate(found.slots)
-        if slot.piece >= 0 and pieces[slot.piece].unsaid
-    ]
-    unit = np.array([found.slots[j].typical for j in unsaid])
-    values = np.array([get(found.guess, found.slots[j]) for j in unsaid])
+    unsaid = [j for j, s in enumerate(slots) if s.piece >= 0 and pieces[s.piece].unsaid]
+    wrong = [j for j, s in enumerate(slots) if mistaken(found, s)]
     live = np.ones(found.jacobian.shape[1], bool)
     live[:first] = (found.guess.stiffness > 0) & (not found.fixed_base)
-    mine = [first + j for j in unsaid]
-    live[mine] = False
-    apart = found.jacobian[:, mine] / unit
-    alike = np.linalg.cholesky(np.eye(len(mine)) + 1.0)
-    return found.jacobian[:, live], apart @ alike, apart @ values
+    live[[first + j for j in unsaid + wrong]] = False
+    had, out = np.zeros(len(found.residual)), []
+    for which in (unsaid, wrong):
+        unit = np.array([slots[j].typical for j in which])
+        columns = found.jacobian[:, [first + j for j in which]] / unit
+        had += columns @ np.array([get(found.guess, slots[j]) for j in which])
+        out.append(columns)
+    alike = np.linalg.cholesky(np.eye(len(unsaid)) + 1.0)
+    return found.jacobian[:, live], out[0] @ alike, out[1], had
 
 
 def changes(engine: Engine, found: Fit) -> list[Array]:

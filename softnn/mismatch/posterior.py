@@ -29,6 +29,7 @@ import numpy as np
 
 from softnn.contracts import Array
 from softnn.mismatch.accounts import Account
+from softnn.mismatch.evidence import mistaken
 
 NAMED, SURE = 0.5, 0.9  # probabilities from which an effect is named, and said so
 LIKELY = 0.1  # of the probability of the best, from which another is as good a reading
@@ -76,7 +77,9 @@ def features(hypothesis: Hypothesis) -> Array:
     one = 0.5 * np.log(len(account.fit.residual))
     pieces = account.fit.guess.pieces
     own = sum(
-        s.piece >= 0 and s.recordings is not None and not pieces[s.piece].nuisance
+        s.piece >= 0
+        and s.recordings is not None
+        and not (pieces[s.piece].nuisance or mistaken(account.fit, s))
         for s in account.fit.slots
     )
     return np.array(
