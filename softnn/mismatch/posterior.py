@@ -39,16 +39,16 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 1.78  # k
-    noise: float = 6.18  # k of nothing
-    number: float = 0.666  # of (log n) / 2, the price of a number
-    error: float = 0.0935  # s
-    share: float = 0.0825  # r, of the root of what effects gain
-    first: float = 4.47  # cost of any effect, nats
-    more: float = 3.28  # of each further one
-    own: float = 0.035  # of (log n) / 2, of a number that is of single recordings
-    other: float = 1.62  # of something on no list
-    both: float = 8.24  # of that beside effects
+    tail: float = 1.513  # k
+    noise: float = 6.614  # k of nothing
+    number: float = 0.58  # of (log n) / 2, the price of a number
+    error: float = 0.0925  # s
+    share: float = 0.0552  # r, of the root of what effects gain
+    first: float = 4.587  # cost of any effect, nats
+    more: float = 3.003  # of each further one
+    own: float = 0.034  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.205  # of something on no list
+    both: float = 8.347  # of that beside effects
 
 
 CONSTANTS = Constants()
