@@ -56,6 +56,18 @@ def ends(rates: Sequence[Mapping[str, Any]]) -> list[list[float]]:
     return [below, [r["high"] - r["rate"] for r in rates]]
 
 
+def between(mark: str, text: str, made: str) -> str:
+    """A text with what was made between its two marks; the same where it has none.
+
+    >>> between("--", "a\\n--\\nold\\n--\\nb", "new").split("--")
+    ['a\\n', '\\n\\nnew\\n\\n', '\\nb']
+    """
+    parts = text.split(mark)
+    if len(parts) != 3:
+        return text
+    return mark.join([parts[0], f"\n\n{made}\n\n", parts[2]])
+
+
 def publish(
     name: str,
     record: Mapping[str, Any],

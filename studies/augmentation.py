@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from bench.architectures.choices import paired
+from bench.architectures.trials import TRAINING, unseen_split
 from softnn.contracts import Array, InputError
 from softnn.metrics import nrmse
 from softnn.models.fit_piecewise import PiecewiseFit
@@ -33,8 +35,6 @@ from softnn.study.common import (
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
-from studies.architectures_report import paired
-from studies.architectures_trials import TRAINING, unseen_split
 
 NETWORKS = {"FFRD4": None, "FFH4": 1.0, "FFH7": 1.0}  # inputs and lag, s
 NEURONS, STARTS, SAMPLES = 4, 2, 40

@@ -16,6 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from bench.architectures.choices import folds_of, worse_by
+from bench.architectures.page import result_files
+from bench.architectures.trials import TRAINING
 from softnn.contracts import InputError
 from softnn.crossval import Folds
 from softnn.mismatch import Case
@@ -25,9 +28,6 @@ from softnn.study.common import RESULTS, guarded, parser, results_folder, write_
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
-from studies.architectures_page import folds_of, result_files, rival_of
-from studies.architectures_report import paired
-from studies.architectures_trials import TRAINING
 
 MOST = 4  # recordings that are diagnosed
 Result = Mapping[str, Any]
@@ -80,16 +80,6 @@ def written(
     write_result(
         "lacks", headline, {"materials": found}, seed=seed, data=known, folder=place
     )
-
-
-def worse_by(one: Result) -> float | None:
-    """How much more error the network has than the best PL model, if beyond doubt."""
-    rival = rival_of(one, "unseen", "PL")
-    if rival is None:
-        return None
-    mine = folds_of(one["choices"]["unseen"]["anew"], "unseen")
-    gap, within = paired(mine, np.array(rival["unseen"]))
-    return gap if gap > within else None
 
 
 def asked(one: Result, given: Result, most: int) -> dict[str, Any]:

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from scipy.stats import wilcoxon
 
+from bench.architectures.choices import front
 from softnn.contracts import InputError
 from softnn.neural import ARCHITECTURES, architecture_of
 from softnn.neural import Settings as Training
 from softnn.search import TOGETHER, Finished, Range, Result, Value
 from softnn.study.material_data import Data
-from softnn.study.settings import Settings
+from softnn.study.settings import Places, Settings
 from softnn.study.trainer import Trainer
 from softnn.workers import workers
-from studies.architectures_report import front
 
 # A gain of 3 nats on 3,000 samples is 0.1 % of the error: less than folds scatter.
 TRAINING = Training(epochs=60, settled_nats=3.0)
@@ -152,6 +152,25 @@ class Judge:
     def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
         about = self.trainer.data, self.trainer.settings, self.unseen
         return self._pool.submit(judged, *about, chosen, ahead)
+
+
+class OneByOne(Judge):
+    """Trials in this process: others on the same search have cores of their own."""
+
+    def __enter__(self) -> OneByOne:
+        return self
+
+    def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
+        done: Future[Result] = Future()
+        about = self.trainer.data, self.trainer.settings, self.unseen
+        done.set_result(judged(*about, chosen, ahead))
+        return done
+
+
+def judge_of(trainer: Trainer, unseen: str, places: Places) -> Judge:
+    """Side by side where the search is this process's alone."""
+    kind = Judge if places.storage.startswith("sqlite") else OneByOne
+    return kind(trainer, unseen)
 
 
 def judged(
