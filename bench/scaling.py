@@ -28,15 +28,7 @@ from typing import Any
 
 from bench.reporting import between
 from softnn.contracts import InputError
-from softnn.study.common import (
-    RESULTS,
-    guarded,
-    markdown,
-    parser,
-    percent,
-    results_folder,
-    write_result,
-)
+from softnn.study import common
 
 ROOT = Path(__file__).resolve().parents[1]
 MARK = "<!-- made by python -m studies.scaling -->"
@@ -47,14 +39,14 @@ KINDS = {1: "one process, SQLite file", 2: "two processes, PostgreSQL"}
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.scaling`; returns the exit code."""
-    made = parser("scaling", __doc__)
+    made = common.parser("scaling", __doc__)
     made.add_argument("--server", help="postgresql+psycopg://...; made tables stay")
     made.add_argument(
         "--kills-only", action="store_true", help="throughput as in the last result"
     )
     made.add_argument("--trials", type=int, default=60, help="of each study (60)")
     made.add_argument("--kills", type=int, default=20, help="of each kind (20), or 0")
-    return guarded(lambda: run(made.parse_args(argv)))
+    return common.guarded(lambda: run(made.parse_args(argv)))
 
 
 def run(a: argparse.Namespace) -> None:
@@ -65,7 +57,7 @@ def run(a: argparse.Namespace) -> None:
     if not a.server or a.server.startswith("sqlite"):
         raise InputError("--server is needed, an address such as postgresql+psycopg:")
     if a.kills_only:
-        last = (RESULTS / "scaling.json").read_text(encoding="utf-8")
+        last = (common.RESULTS / "scaling.json").read_text(encoding="utf-8")
         rows = json.loads(last)["throughput"]
     else:
         rows = [throughput(a.server, count, a.trials, a.seed) for count in (1, 2)]
@@ -89,8 +81,8 @@ def written(
         for name in ("kills", "lost", "twice"):
             headline[name] = sum(k[name] for k in killed.values())
     body = {"throughput": rows, "kills": killed, "trials": a.trials}
-    path = write_result(
-        "scaling", headline, body, seed=a.seed, folder=results_folder(a.smoke)
+    path = common.write_result(
+        "scaling", headline, body, seed=a.seed, folder=common.results_folder(a.smoke)
     )
     text = report(rows, killed)
     print(f"{text}\n\nresult: {path}")
@@ -107,13 +99,13 @@ def report(rows: list[dict[str, Any]], killed: dict[str, Any]) -> str:
             [
                 str(r["processes"]),
                 f"{r['trials_per_min']:.1f}",
-                percent(r["busy"], 0),
+                common.percent(r["busy"], 0),
                 f"{r['load']:.1f} on {r['cores']} cores",
             ]
             for r in rows
         ]
         header = ["processes", "trials a minute", "busy", "load of the machine"]
-        parts.append(markdown(header, cells))
+        parts.append(common.markdown(header, cells))
     if not killed:
         return "\n\n".join([*parts, "Kills were not measured in this run."])
     cells = [
@@ -121,7 +113,7 @@ def report(rows: list[dict[str, Any]], killed: dict[str, Any]) -> str:
         for kind, k in killed.items()
     ]
     header = ["study", "kills", "within 5 s", "trials", "lost", "done twice"]
-    return "\n\n".join([*parts, markdown(header, cells)])
+    return "\n\n".join([*parts, common.markdown(header, cells)])
 
 
 def throughput(server: str, count: int, trials: int, seed: int) -> dict[str, Any]:

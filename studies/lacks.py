@@ -25,7 +25,7 @@ from softnn.mismatch import Case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.neural import Seen, StoredNetwork
 from softnn.study.common import RESULTS, guarded, parser, results_folder, write_result
-from softnn.study.material_data import Data, prepared
+from softnn.study.material_data import prepared
 from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
 
@@ -104,9 +104,9 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
     (trained,) = trainer.networks(chosen, [alone], [worst])
     owners = trainer.samples(chosen["inputs"], chosen["lag_s"]).recording
     held = sorted(set(owners[folds.test[worst]].tolist()))
-    network = StoredNetwork(
-        trained.network, chosen["inputs"], chosen["lag_s"], seen_of(data, held)
-    )
+    seen = Seen.of([r for i, r in enumerate(data.tensile) if i not in held])
+    about = chosen["inputs"], chosen["lag_s"], seen
+    network = StoredNetwork(trained.network, *about)
     some = np.unique(np.linspace(0, len(held) - 1, most).astype(int))
     case = Case(data.file_name, tuple(data.tensile[held[i]] for i in some))
     told = diagnose(case, network)
@@ -118,10 +118,6 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
         "selected": list(told.selected),
         "summary": told.summary,
     }
-
-
-def seen_of(data: Data, held: Sequence[int]) -> Seen:
-    return Seen.of([r for i, r in enumerate(data.tensile) if i not in held])
 
 
 if __name__ == "__main__":

@@ -18,15 +18,7 @@ from bench.architectures.choices import USES, folds_of, rival_of, worse_by
 from bench.architectures.report import draw, table
 from bench.reporting import between
 from softnn.search.draws import STARTUP
-from softnn.study.common import (
-    RESULTS,
-    RUNS,
-    guarded,
-    markdown,
-    parser,
-    percent,
-    save_figure,
-)
+from softnn.study import common
 
 ROOT = Path(__file__).resolve().parents[2]
 MARK = "<!-- made by python -m studies.architectures_page -->"
@@ -52,12 +44,14 @@ Result = Mapping[str, Any]
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.architectures_page`; returns the exit code."""
-    p = parser("architectures_page", __doc__)
-    p.add_argument("--results", type=Path, default=RESULTS, help="where the JSON lies")
+    p = common.parser("architectures_page", __doc__)
+    p.add_argument(
+        "--results", type=Path, default=common.RESULTS, help="where the JSON lies"
+    )
     p.add_argument("--out", type=Path, help="folder of README.md and docs (this one)")
     a = p.parse_args(argv)
-    folder = a.out or (RUNS / "smoke" if a.smoke else ROOT)
-    return guarded(lambda: print(f"written to {make(a.results, folder)}"))
+    folder = a.out or (common.RUNS / "smoke" if a.smoke else ROOT)
+    return common.guarded(lambda: print(f"written to {make(a.results, folder)}"))
 
 
 def make(results: Path, folder: Path) -> Path:
@@ -69,7 +63,7 @@ def make(results: Path, folder: Path) -> Path:
     parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
     lacks = lacks_of(results)
     for name, found in sections(files).items():
-        save_figure(draw(found["materials"]), name, docs / "figures")
+        common.save_figure(draw(found["materials"]), name, docs / "figures")
         (docs / "figures" / f"{name}.svg").unlink()  # a point a trial: no smaller
         parts += [f"## {title_of(found)}", run_of(found)]
         parts.append(f"![both errors of every trial](figures/{name}.png)")
@@ -92,10 +86,13 @@ def make(results: Path, folder: Path) -> Path:
 
 def result_files(results: Path) -> dict[Path, Result]:
     """Results of real recordings, then of virtual specimens, each by name."""
-    found = {}
-    for file in sorted(results.glob("architectures*.json")):
-        found[file] = json.loads(file.read_text(encoding="utf-8"))
+    found = {file: read(file) for file in sorted(results.glob("architectures*.json"))}
     return dict(sorted(found.items(), key=lambda f: (is_virtual(f[1]), f[0])))
+
+
+def read(file: Path) -> Result:
+    """What a study has found; nothing where it was not run."""
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
 
 
 def sections(files: Mapping[Path, Result]) -> dict[str, Result]:
@@ -158,14 +155,14 @@ def summary(found: Iterable[Result]) -> str:
     header = ["material", "recordings"]
     header += ["for recordings one has", "NRMSE", "best other"]
     header += ["for what was never seen", "NRMSE", "best other"]
-    return markdown(header, rows)
+    return common.markdown(header, rows)
 
 
 def rival_cell(one: Result, use: str) -> str | None:
     rival = rival_of(one["baselines"], use)
     if rival is None:
         return None
-    return f"{rival['model']} {percent(float(np.mean(rival[use])), 1)}"
+    return f"{rival['model']} {common.percent(float(np.mean(rival[use])), 1)}"
 
 
 def worse(one: Result) -> str:
@@ -176,16 +173,13 @@ def worse(one: Result) -> str:
     model, gap = found
     return (
         f" **{model} foretells what was never seen better than any network tried**, by "
-        f"{percent(gap, 1)}: take it there."
+        f"{common.percent(gap, 1)}: take it there."
     )
 
 
 def lacks_of(results: Path) -> dict[str, str]:
     """What the network lacks, by a diagnosis, by material: see `studies.lacks`."""
-    file = results / "lacks.json"
-    if not file.exists():
-        return {}
-    found = json.loads(file.read_text(encoding="utf-8"))["materials"]
+    found = read(results / "lacks.json").get("materials", {})
     return {
         label: f" Of {one['unseen']}, where it is worst, a diagnosis of the network "
         f"({one['network']}; `python -m studies.lacks`) says: {one['summary']}"
@@ -195,10 +189,10 @@ def lacks_of(results: Path) -> dict[str, str]:
 
 def helps(results: Path) -> str:
     """What simulated recordings are worth, in a sentence; nothing where not run."""
-    file = results / "augmentation.json"
-    if not file.exists():
+    found = read(results / "augmentation.json")
+    if not found:
         return ""
-    head = json.loads(file.read_text(encoding="utf-8"))["headline"]
+    head = found["headline"]
     return (
         "\nRecordings simulated by a piecewise-linear model, added to training, help "
         f"{head['helped']} of {head['networks']} networks at what was never seen and "
@@ -208,10 +202,9 @@ def helps(results: Path) -> str:
 
 def augmented(results: Path) -> list[str]:
     """What simulated recordings beside measured ones are worth."""
-    file = results / "augmentation.json"
-    if not file.exists():
+    found = read(results / "augmentation.json")
+    if not found:
         return []
-    found = json.loads(file.read_text(encoding="utf-8"))
     head = found["headline"]
     rows = [
         [
@@ -231,7 +224,7 @@ def augmented(results: Path) -> list[str]:
         "(section 8.3 of the thesis; `python -m studies.augmentation`). By more than "
         f"one standard error over folds it helps {head['helped']} and harms "
         f"{head['harmed']} of {head['networks']} networks.",
-        markdown(header, rows),
+        common.markdown(header, rows),
         *(f"Left out: {label}: {why}" for label, why in found["left_out"].items()),
     ]
 

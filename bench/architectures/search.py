@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -11,20 +11,8 @@ from typing import Any
 from bench.architectures.baselines import baselines
 from bench.architectures.choices import choices, front, headline_of, rows_of
 from bench.architectures.report import draw, sentence, table
-from bench.architectures.trials import (
-    A_TIME,
-    INPUTS,
-    LAGS,
-    ONE_SAMPLE,
-    TRAINING,
-    WEIGHTS,
-    conditions,
-    judge_of,
-    opening,
-    unseen_split,
-)
+from bench.architectures.trials import TRAINING, Judge, conditions, opening, space
 from softnn import json_file
-from softnn.search import Range, Value
 from softnn.study.common import save_figure
 from softnn.study.material_data import Data
 from softnn.study.settings import Places, Settings
@@ -39,25 +27,11 @@ def searched(
 ) -> dict[str, Any] | None:
     """One material: the search, the front, the choice for each use, the sentence."""
     trainer = Trainer(data, settings, TRAINING)
-    unseen = unseen_split(trainer)
+    judge = Judge(trainer, places)
     seeds = [settings.seed, settings.seed + 1]
-    space: dict[str, Sequence[Value] | Range] = {
-        "inputs": list(INPUTS),
-        "neurons": settings.neurons,
-        "regularisation": ["bayesian", "early-stopping", "l2"],
-        "closed_form": ["bayesian", "l2"],
-        "weight": WEIGHTS,
-        "lag": [ONE_SAMPLE, A_TIME],
-        "lag_s": LAGS,
-        "folds_seed": seeds,
-    }
     differenced = any(r.test != "tensile" or not r.rate_per_s for r in data.tensile)
-    with (
-        Sweep(
-            "architectures", data, settings, space, places, trials + 2, 2, trainer, CODE
-        ) as sweep,
-        judge_of(trainer, unseen, places) as judge,
-    ):
+    about = space(settings, seeds), places, trials + 2, 2, trainer, CODE
+    with Sweep("architectures", data, settings, *about) as sweep, judge:
         tried = list(
             sweep.explore(
                 judge.submit,
@@ -80,16 +54,16 @@ def searched(
             trainer.samples("FFRD4"),
             {
                 "random": trainer.folds("random", "FFRD4", seeds[0]),
-                "unseen": trainer.folds(unseen, "FFRD4", seeds[0]),
+                "unseen": trainer.folds(judge.unseen, "FFRD4", seeds[0]),
             },
             settings.seed,
         )
-        said = sentence(data.label, unseen, best, anew, beside)
+        said = sentence(data.label, judge.unseen, best, anew, beside)
         headline = headline_of(tried, best, anew)
         found = sweep.told(
             headline,
             samples=sum(map(len, data.tensile)),
-            unseen=unseen,
+            unseen=judge.unseen,
             sentence=said,
             choices={use: one.entry(anew[use]) for use, one in best.items()},
             front=rows_of(front(tried), folds=True),
