@@ -7,13 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from softnn.study.common import (
-    database,
-    fingerprint,
-    percent,
-    results_folder,
-    write_result,
-)
+from softnn.study import common
 
 
 def cell(entry: Mapping[str, Any] | None) -> str | None:
@@ -24,7 +18,7 @@ def cell(entry: Mapping[str, Any] | None) -> str | None:
     """
     if not entry or not entry["of"]:
         return None
-    ends = f"{percent(entry['low'], 0)} to {percent(entry['high'], 0)}"
+    ends = f"{common.percent(entry['low'], 0)} to {common.percent(entry['high'], 0)}"
     return f"{entry['right']} of {entry['of']} ({ends.replace(' %', '', 1)})"
 
 
@@ -56,6 +50,18 @@ def ends(rates: Sequence[Mapping[str, Any]]) -> list[list[float]]:
     return [below, [r["high"] - r["rate"] for r in rates]]
 
 
+def between(mark: str, text: str, made: str) -> str:
+    """A text with what was made between its two marks; the same where it has none.
+
+    >>> between("--", "a\\n--\\nold\\n--\\nb", "new").split("--")
+    ['a\\n', '\\n\\nnew\\n\\n', '\\nb']
+    """
+    parts = text.split(mark)
+    if len(parts) != 3:
+        return text
+    return mark.join([parts[0], f"\n\n{made}\n\n", parts[2]])
+
+
 def publish(
     name: str,
     record: Mapping[str, Any],
@@ -69,7 +75,7 @@ def publish(
     """
     label = str(record["label"])
     trials: dict[str, Any] = {}
-    where = results_folder() if record["published"] else folder
+    where = common.results_folder() if record["published"] else folder
     earlier = where / f"{name}.json"
     if record["published"] and earlier.exists():
         old = json.loads(earlier.read_text(encoding="utf-8"))
@@ -78,7 +84,7 @@ def publish(
         headline = kept | dict(headline)
     trials[label] = trial
     keys = {f"{k} key": t["record"]["key_sha256"] for k, t in trials.items()}
-    return write_result(
+    return common.write_result(
         name, headline, {"trials": trials}, seed=record["seed"], data=keys, folder=where
     )
 
@@ -96,9 +102,9 @@ def track(
     tracked(
         study,
         {k.removeprefix(label): v for k, v in metrics.items() if k.startswith(label)},
-        database(uri, record["smoke"]),
+        common.database(uri, record["smoke"]),
         study=f"{study} {record['label']}",
-        identity=fingerprint(dict(record)),
+        identity=common.fingerprint(dict(record)),
         name=f"{record['label']} seed {record['seed']}",
         parameters={
             k: record.get(k) for k in ("strength", "side", "seed", "cases", "jobs")

@@ -27,13 +27,7 @@ from softnn.contracts import Array, InputError
 from softnn.mismatch import Case, diagnose, read_case
 from softnn.readers.tidy import data_folder
 from softnn.recording import Recording
-from softnn.study.common import (
-    guarded,
-    markdown,
-    parser,
-    results_folder,
-    write_result,
-)
+from softnn.study.common import guarded, markdown, parser, results_folder, write_result
 from softnn.workers import workers
 
 HALF, SEED = "half the noise", "another seed"

@@ -16,19 +16,18 @@ folds for the search and is never on the front.
 
 from __future__ import annotations
 
-import json
 import sys
-import tempfile
-from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from bench.architectures.report import draw
+from bench.architectures.search import keep, searched
+from bench.architectures.trials import TRAINING
 from softnn.contracts import InputError
-from softnn.search import Finished, Range, Result, Value
-from softnn.study.common import guarded, plain, save_figure, write_result
-from softnn.study.material_data import Data, prepared
+from softnn.study.common import guarded, save_figure, write_result
+from softnn.study.material_data import prepared
 from softnn.study.settings import (
     Places,
     Settings,
@@ -38,37 +37,11 @@ from softnn.study.settings import (
     smoked,
     study_parser,
 )
-from softnn.study.sweep import Sweep, headline_of_all
-from softnn.study.trainer import Trainer
-from studies.architectures_baselines import baselines
-from studies.architectures_report import (
-    Choice,
-    choices,
-    draw,
-    front,
-    rows_of,
-    sentence,
-    table,
-)
-from studies.architectures_trials import (
-    A_TIME,
-    INPUTS,
-    LAGS,
-    ONE_SAMPLE,
-    TRAINING,
-    WEIGHTS,
-    Ahead,
-    Judge,
-    conditions,
-    judged,
-    opening,
-    unseen_split,
-)
+from softnn.study.sweep import headline_of_all
 
 DEFAULTS = Settings(samples=100)  # neighbours in time say the same thing twice
 TRIALS = 300
 BEST = Path(__file__).with_name("best")
-CODE = (Path(__file__).with_name("architectures_trials.py"),)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -112,12 +85,12 @@ def run(
     materials = prepared(settings)
     for data in materials:
         try:
-            told = study(data, settings, places, trials)
+            told = searched(data, settings, places, trials)
             if told is None:
                 continue
             found.append(told)
             if keep_best:
-                keep(told, data, settings)
+                keep(told, data, settings, BEST)
         except InputError as reason:
             if len(materials) == 1:
                 raise
@@ -145,153 +118,6 @@ def run(
     )
     print(f"\nresult: {path}; figure: {files[0]}; runs: {places.tracking}")
     return {"headline": headline, "materials": found}
-
-
-def study(
-    data: Data, settings: Settings, places: Places, trials: int
-) -> dict[str, Any] | None:
-    """One material: the search, the front, the choice for each use, the sentence."""
-    trainer = Trainer(data, settings, TRAINING)
-    unseen = unseen_split(trainer)
-    seeds = [settings.seed, settings.seed + 1]
-    space: dict[str, Sequence[Value] | Range] = {
-        "inputs": list(INPUTS),
-        "neurons": settings.neurons,
-        "regularisation": ["bayesian", "early-stopping", "l2"],
-        "closed_form": ["bayesian", "l2"],
-        "weight": WEIGHTS,
-        "lag": [ONE_SAMPLE, A_TIME],
-        "lag_s": LAGS,
-        "folds_seed": seeds,
-    }
-    differenced = any(r.test != "tensile" or not r.rate_per_s for r in data.tensile)
-    with (
-        Sweep(
-            "architectures", data, settings, space, places, trials + 2, 2, trainer, CODE
-        ) as sweep,
-        judge_of(trainer, unseen, places) as judge,
-    ):
-        tried = list(
-            sweep.explore(
-                judge.submit,
-                trials,
-                first=opening(settings),
-                when=conditions(differenced),
-            )
-        )
-        if places.worker:
-            return None
-        best = choices(tried)
-        anew = {
-            use: sweep.run(
-                judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}
-            )
-            for use, one in best.items()
-        }
-        beside = baselines(
-            data,
-            trainer.samples("FFRD4"),
-            {
-                "random": trainer.folds("random", "FFRD4", seeds[0]),
-                "unseen": trainer.folds(unseen, "FFRD4", seeds[0]),
-            },
-            settings.seed,
-        )
-        said = sentence(data.label, unseen, best, anew, beside)
-        headline = headline_of(tried, best, anew)
-        found = {
-            "material": data.material,
-            "label": data.label,
-            "data_sha256": data.digest,
-            "samples": sum(map(len, data.tensile)),
-            "unseen": unseen,
-            "headline": headline,
-            "sentence": said,
-            "choices": {use: one.entry(anew[use]) for use, one in best.items()},
-            "front": rows_of(front(tried), folds=True),
-            "baselines": beside,
-            "trials": rows_of(tried),
-            "trials_from_store": sum(t.stored for t in sweep.trials),
-            "seconds": sweep.seconds,
-            "study_key": sweep.key,
-        }
-        with tempfile.TemporaryDirectory() as aside:
-            pictures = save_figure(draw([found]), "front", Path(aside))
-            sweep.tracker.result(
-                {k: v for k, v in headline.items() if isinstance(v, int | float)},
-                note=f"{said}\n\n{table(tried, beside)}",
-                files=pictures,
-                texts={"front.md": table(tried, beside)},
-                tags={"best": sweep_name(best)},
-            )
-        for use, one in best.items():
-            alias = "best-random" if use == "random" else "best-unseen-rate"
-            chosen = one.trial.result["configuration"]
-            sweep.register(trainer.whole(chosen), [alias])
-        from_store = sweep.from_store()
-    print(f"\n{said}\n\n{table(tried, beside)}")
-    if from_store:
-        print(from_store)
-    return found
-
-
-class OneByOne(Judge):
-    """Trials in this process: others on the same search have cores of their own."""
-
-    def __enter__(self) -> OneByOne:
-        return self
-
-    def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
-        done: Future[Result] = Future()
-        about = self.trainer.data, self.trainer.settings, self.unseen
-        done.set_result(judged(*about, chosen, ahead))
-        return done
-
-
-def judge_of(trainer: Trainer, unseen: str, places: Places) -> Judge:
-    """Side by side where the search is this process's alone."""
-    kind = Judge if places.storage.startswith("sqlite") else OneByOne
-    return kind(trainer, unseen)
-
-
-def keep(found: Mapping[str, Any], data: Data, settings: Settings) -> Path:
-    """Write both ends of the front to `studies/best`, for the tests to hold."""
-    source = "" if data.is_virtual else f"{data.source}-"
-    path = BEST / f"architectures-{source}{data.file_name}.json"
-    content = {
-        "data_sha256": data.digest,
-        "settings": asdict(replace(settings, material=data.material)),
-        "training": asdict(TRAINING),
-        "unseen": found["unseen"],
-        "ends": {"random": found["front"][0], "unseen": found["front"][-1]},
-    }
-    path.write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
-    print(f"kept: {path}")
-    return path
-
-
-def sweep_name(best: Mapping[str, Choice]) -> str:
-    """The choices in a few words."""
-    return "; ".join(f"{use}: {one.words}" for use, one in best.items())
-
-
-def headline_of(
-    tried: Sequence[Finished],
-    best: Mapping[str, Choice],
-    anew: Mapping[str, Finished],
-) -> dict[str, Any]:
-    """Named figures, flat: errors as fractions."""
-    found: dict[str, Any] = {
-        "trials": len(tried),
-        "trials_stopped": sum(t.result["stopped_after"] is not None for t in tried),
-        "front": len(front(tried)),
-    }
-    for use, one in best.items():
-        found[f"{use}_configuration"] = one.words
-        found[f"{use}_ties"] = one.ties
-        for name, value in zip(("random", "unseen"), anew[use].values, strict=True):
-            found[f"{use}_nrmse_{name}"] = value
-    return found
 
 
 if __name__ == "__main__":

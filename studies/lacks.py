@@ -16,18 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from bench.architectures.choices import folds_of, worse_by
+from bench.architectures.page import result_files
+from bench.architectures.trials import TRAINING
 from softnn.contracts import InputError
 from softnn.crossval import Folds
 from softnn.mismatch import Case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.neural import Seen, StoredNetwork
 from softnn.study.common import RESULTS, guarded, parser, results_folder, write_result
-from softnn.study.material_data import Data, prepared
+from softnn.study.material_data import prepared
 from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
-from studies.architectures_page import folds_of, result_files, rival_of
-from studies.architectures_report import paired
-from studies.architectures_trials import TRAINING
 
 MOST = 4  # recordings that are diagnosed
 Result = Mapping[str, Any]
@@ -82,16 +82,6 @@ def written(
     )
 
 
-def worse_by(one: Result) -> float | None:
-    """How much more error the network has than the best PL model, if beyond doubt."""
-    rival = rival_of(one, "unseen", "PL")
-    if rival is None:
-        return None
-    mine = folds_of(one["choices"]["unseen"]["anew"], "unseen")
-    gap, within = paired(mine, np.array(rival["unseen"]))
-    return gap if gap > within else None
-
-
 def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
     """What a diagnosis of the worst fold says of the network trained without it.
 
@@ -114,9 +104,9 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
     (trained,) = trainer.networks(chosen, [alone], [worst])
     owners = trainer.samples(chosen["inputs"], chosen["lag_s"]).recording
     held = sorted(set(owners[folds.test[worst]].tolist()))
-    network = StoredNetwork(
-        trained.network, chosen["inputs"], chosen["lag_s"], seen_of(data, held)
-    )
+    seen = Seen.of([r for i, r in enumerate(data.tensile) if i not in held])
+    about = chosen["inputs"], chosen["lag_s"], seen
+    network = StoredNetwork(trained.network, *about)
     some = np.unique(np.linspace(0, len(held) - 1, most).astype(int))
     case = Case(data.file_name, tuple(data.tensile[held[i]] for i in some))
     told = diagnose(case, network)
@@ -128,10 +118,6 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
         "selected": list(told.selected),
         "summary": told.summary,
     }
-
-
-def seen_of(data: Data, held: Sequence[int]) -> Seen:
-    return Seen.of([r for i, r in enumerate(data.tensile) if i not in held])
 
 
 if __name__ == "__main__":

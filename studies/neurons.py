@@ -12,25 +12,15 @@ Stopped at any moment and started again, it goes on where it was. With `--inputs
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from softnn.contracts import InputError
-from softnn.json_file import plain
-from softnn.search import Finished, Value
-from softnn.study.choice import (
-    configuration,
-    entries_of,
-    fewest,
-    keep,
-    pick,
-    piecewise,
-    text_of_choice,
-)
-from softnn.study.common import guarded, markdown, save_figure
+from softnn.search import Value
+from softnn.study import choice
+from softnn.study.common import guarded
 from softnn.study.material_data import Data, prepared
 from softnn.study.settings import (
     SPLITS,
@@ -96,7 +86,7 @@ def run(settings: Settings, places: Places, keep_best: bool = False) -> dict[str
             continue
         found.append(told)
         if keep_best:
-            keep(told, data, BEST)
+            choice.keep(told, data, BEST)
     if places.worker:
         return {}
     return write_all("neurons", settings, places, found)
@@ -119,59 +109,33 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any] | No
         grid = [
             sweep.run(neurons=count, split=settings.split) for count in settings.neurons
         ]
-        best = pick(grid)
+        best = choice.pick(grid)
         networks = {shown.CHOSEN: best}
-        if (enough := fewest(grid)).parameters["neurons"] < best.parameters["neurons"]:
+        enough = choice.fewest(grid)
+        if enough.parameters["neurons"] < best.parameters["neurons"]:
             networks[shown.FEW] = enough
             sweep.expect(len(others))
-        judged: dict[str, dict[str, Finished | str]] = {}
-        for kind, one in networks.items():
-            judged[kind] = {settings.split: one}
-            for split in others:
-                judged[kind][split] = sweep.possible(split) or sweep.run(
-                    neurons=one.parameters["neurons"], split=split
-                )
-        baselines = piecewise(data)
+        judged = choice.on_splits(sweep, networks, others)
+        baselines = choice.piecewise(data)
         rows = shown.comparison(data, judged, baselines)
-        name = f"{settings.file_name('neurons')}-{data.file_name}"
-        figure = shown.draw(data, settings, grid, best)
-        files = save_figure(figure, name, places.results)
-        text = markdown(shown.HEADER, [shown.printed(row) for row in rows])
         headline = shown.headline_of(judged, baselines)
         network = sweep.trainer.whole(best.parameters)
-        counts = [t.parameters["neurons"] for t in grid]
-        r2 = [t.result["r2_mean"] for t in grid]
-        curves = {
-            "r2_by_neurons": zip(counts, r2, strict=True),
-            "nrmse_by_neurons": zip(counts, (t.value for t in grid), strict=True),
-        }
-        sweep.tracker.curve(curves, sweep.ended)
-        sweep.tracker.result(
-            {k: v for k, v in headline.items() if isinstance(v, int | float)}
-            | {"nrmse": best.value, "r2": best.result["r2_mean"]},
-            note=f"**{data.label}**\n\n{text}\n\n{shown.note_on(data)}",
-            files=files,
-            texts={
-                "comparison.csv": shown.as_csv(rows),
-                "neurons.csv": shown.as_csv([shown.count_row(t) for t in grid]),
-                "best.json": json.dumps(plain(configuration(best, settings)), indent=1),
-                "network.json": json.dumps(network.source, indent=1),
-            },
-            tags={"best": f"{best.parameters['neurons']} neurons"},
-        )
+        chosen = choice.configuration(best, settings)
+        kept = {"best": chosen, "network": network.source}
+        text = shown.track(sweep, places, grid, best, rows, headline, kept)
         sweep.register(network, ["best-random"])
         told = sweep.told(
             headline,
             samples=sum(map(len, data.tensile)),
             specimens=len({r.specimen or r.name for r in data.tensile}),
-            best=configuration(best, settings),
+            best=chosen,
             comparison=rows,
             note=shown.note_on(data),
             grid=[trial_entry(t) for t in grid],
-            networks=entries_of(judged),
+            networks=choice.entries_of(judged),
             baselines=baselines,
         )
-    print(f"\n{data.label}: {text_of_choice(best)}\n\n{text}\n\n{shown.note_on(data)}")
+    print(f"\n{data.label}: {choice.text_of_choice(best)}\n\n{text}")
     for note in filter(None, [sweep.from_store(), *shown.notes(judged, baselines)]):
         print(note)
     return told

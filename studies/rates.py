@@ -28,7 +28,7 @@ from softnn.study.baselines import (
 from softnn.study.common import markdown, percent
 from softnn.study.foretold import foretold, std_lin_sds
 from softnn.study.piecewise import Case, Work, carry_out, speed_label
-from studies.shown.rates import _row, draw
+from studies.shown.rates import draw, rows_of
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -84,46 +84,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
             f"{key}_nrmse_joint": joint and joint["nrmse_over_rates"],
             f"{key}_nrmse_rate_left_out": apart and apart["nrmse"],
         }
-        one = models[model]
-        rows.append(_row(f"{model}, k* at {thesis}", one["as_in_thesis"]))
-        rows.append(_row("  any reading of the branches", one["any_reading"]))
-        rows.append(_row("  branches at the best share of it", one["softened"]))
-        for rate, entry in by_rate.items():
-            if rate != thesis:
-                rows.append(_row(f"  k* at {rate}", entry))
-        if joint:
-            rows.append(
-                [
-                    "  springs and branches jointly",
-                    percent(joint["nrmse_over_rates"]),
-                    None,
-                    joint["segments"],
-                    joint["branches"],
-                    "all rates fitted",
-                ]
-            )
-        if apart:
-            rows.append(
-                [
-                    "  the same, each rate left out in turn",
-                    percent(apart["nrmse"]),
-                    None,
-                    None,
-                    None,
-                    "rate not seen",
-                ]
-            )
-        if published:
-            rows.append(
-                [
-                    "  thesis, its own recordings",
-                    f"{published['generalisation_error']:.2f} %",
-                    f"{published['tolerance']} %",
-                    None,
-                    None,
-                    "Table 5.2",
-                ]
-            )
+        rows += rows_of(model, models[model], published)
         trials += [
             {
                 "name": f"{model}, k* at {rate}, {entry['rule']}",

@@ -22,7 +22,7 @@ def test_strips_are_the_virtual_specimens():
 
 
 def test_reference_is_half_of_the_published_peak_over_the_range_of_the_gait_query():
-    from studies.actuator import stride
+    from softnn.study.strips import stride
 
     torque, knee = stride(2.0)
     assert torque.max() == pytest.approx(15)

@@ -7,10 +7,10 @@ from threading import Timer
 import numpy as np
 import pytest
 
+from bench.architectures.choices import choices, front, paired, words
+from bench.architectures.trials import beaten, conditions, configuration
 from softnn.search import TOGETHER, Finished, Range, Search
 from studies import architectures, neurons
-from studies.architectures_report import choices, front, paired, words
-from studies.architectures_trials import beaten, conditions, configuration
 
 NOW = datetime(2026, 1, 1)
 

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from studies.architectures_page import MARK, ROOT, make, result_files, summary
+from bench.architectures.page import MARK, ROOT, make, result_files, summary
 
 
 def row(inputs, neurons, random, unseen):

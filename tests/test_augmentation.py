@@ -7,8 +7,9 @@ from softnn.contracts import InputError
 from softnn.metrics import nrmse
 from softnn.neural.history import filtered
 from softnn.recording import Recording
+from softnn.study.augmentation import BEYOND, RATES, simulations
 from softnn.study.material_data import Data
-from studies.augmentation import BEYOND, RATES, headline_of, simulations
+from studies.shown.augmentation import headline_of
 
 
 def ramp(rate, name="", points=120):

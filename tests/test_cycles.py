@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from bench.architectures.baselines import cyclic_fits
 from softnn.contracts import InputError
 from softnn.metrics import nrmse
 from softnn.neural.history import filtered
 from softnn.recording import Recording
 from softnn.study.material_data import prepared, unloads, whole
 from softnn.study.settings import Settings
-from studies.architectures_baselines import cyclic_fits
 
 TIME = np.linspace(0, 20, 401)
 TRIANGLE = 0.4 * (1 - np.abs(TIME / 10 - 1))

@@ -1,34 +1,21 @@
 """A search killed at random moments and started again: nothing lost, nothing twice."""
 
 import json
-import os
 import random
 import signal
 import sqlite3
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from bench.scaling import started
+
 TRIALS = 24
 EARLY, LATER = 5, 10  # kills in the first 5 s, and after some more trials
 COMMAND = ["-m", "studies.architectures", "--material", "NatPolR", "--out", "out"]
 COMMAND += ["--samples", "25", "--folds", "3", "--neurons", "1:3"]
 COMMAND += ["--trials", str(TRIALS)]
-
-
-def started(folder: Path) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, *COMMAND],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
 
 
 def rows(folder: Path, query: str) -> list[tuple]:
@@ -52,7 +39,7 @@ def finished(folder: Path) -> list[tuple]:
 def killed(folder: Path, more: int, delay: float) -> bool:
     """Kill -9 after `more` finished trials and a delay; False if it ended before."""
     before = len(finished(folder))
-    child = started(folder)
+    child = started(COMMAND, folder)
     deadline = time.monotonic() + 300
     while len(finished(folder)) < before + more and child.poll() is None:
         assert time.monotonic() < deadline
@@ -65,7 +52,7 @@ def killed(folder: Path, more: int, delay: float) -> bool:
 
 
 def ended(folder: Path) -> dict:
-    child = started(folder)
+    child = started(COMMAND, folder)
     said, _ = child.communicate(timeout=600)
     assert child.returncode == 0, said
     return json.loads((folder / "out" / "architectures.json").read_text())

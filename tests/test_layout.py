@@ -122,6 +122,12 @@ def test_no_file_of_code_is_over_400_lines():
             assert count <= 400, f"{path.relative_to(ROOT)}: {count} lines; split it"
 
 
+def test_a_study_is_a_question():
+    for path in (ROOT / "studies").glob("*.py"):
+        count = len(path.read_text(encoding="utf-8").splitlines())
+        assert count <= 150, f"{path.name}: {count} lines; its work belongs elsewhere"
+
+
 def test_relative_imports_are_not_used():
     for path in modules(PACKAGE) + modules(ROOT / "bench") + modules(ROOT / "studies"):
         for node in ast.walk(ast.parse(path.read_text())):

@@ -37,9 +37,9 @@ def test_no_figure_is_said_to_be_older_that_is_not():
 
 def test_the_files_of_a_study_are_those_that_it_runs():
     names = {"/".join(f.parts[-2:]) for f in files_of("studies.architectures")}
-    assert {"neural/levenberg.py", "studies/architectures_trials.py"} <= names
+    assert {"neural/levenberg.py", "architectures/trials.py"} <= names
     assert {"models/fit_piecewise.py", "softnn/crossval.py"} <= names
-    assert not {"studies/architectures_page.py", "softnn/tracking.py"} & names
+    assert not {"architectures/page.py", "softnn/tracking.py"} & names
     assert not any("mismatch" in name for name in names)
 
 

@@ -21,6 +21,7 @@ import studies
 from softnn import Recording
 from softnn.contracts import InputError
 from softnn.search import Finished
+from softnn.study.choice import fewest, pick
 from softnn.study.common import write_result
 from softnn.study.material_data import Data, first_loading, prepared
 from softnn.study.settings import Settings, parse_neurons
@@ -147,7 +148,7 @@ def trial(count: int, r2: float) -> Finished:
 )
 def test_rule_of_the_thesis(r2, chosen):
     grid = [trial(i + 1, value) for i, value in enumerate(r2)]
-    assert neurons.pick(grid).parameters["neurons"] == chosen
+    assert pick(grid).parameters["neurons"] == chosen
 
 
 def test_fewest_neurons_within_one_standard_error():
@@ -160,7 +161,7 @@ def test_fewest_neurons_within_one_standard_error():
         for n, v in r2.items()
     ]
     # The largest mean is 0.96, its standard error 0.0141 / sqrt(2) = 0.01.
-    assert neurons.fewest(grid).parameters["neurons"] == 3
+    assert fewest(grid).parameters["neurons"] == 3
 
 
 def test_published_rows_are_fractions():

@@ -5,15 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from bench.survivor.data import LARGEST, cyclic
+from bench.survivor.report import bars, write_page
+from softnn import virtual
 from softnn.contracts import InputError
 from softnn.study.common import RESULTS
 from softnn.taught import turns
-from studies.survivor_data import LARGEST, cyclic, virtual
-from studies.survivor_report import bars, write_page
-
-ONCE_RUN = pytest.mark.skipif(
-    not (RESULTS / "survivor.json").exists(), reason="the study has not been run"
-)
 
 
 def test_corners_keep_to_strains_and_rates():
@@ -39,14 +36,12 @@ def test_a_virtual_strip_goes_slack_and_is_the_law_elsewhere():
     assert np.sqrt(np.mean(noise**2)) < 0.01 * want.max()
 
 
-@ONCE_RUN
 def test_the_page_is_what_the_result_says(tmp_path):
     page = write_page(RESULTS, tmp_path).read_text()
     committed = RESULTS.parents[1] / "docs" / "survivor.md"
     assert page == committed.read_text()
 
 
-@ONCE_RUN
 def test_no_stress_of_the_wrong_sign_on_the_sines_or_the_virtual_recordings():
     body = json.loads((RESULTS / "survivor.json").read_text())
     assert body["headline"]["sines_negative"] == 0

@@ -17,7 +17,7 @@ from softnn.study.baselines import piecewise_baselines
 from softnn.study.common import percent
 from softnn.study.material_data import Data
 from softnn.study.settings import Settings
-from softnn.study.sweep import trial_entry
+from softnn.study.sweep import Sweep, trial_entry
 
 ENOUGH = 0.999  # R2 above which the thesis takes the fewest neurons
 
@@ -44,6 +44,21 @@ def text_of_choice(best: Finished) -> str:
     count, r2 = best.parameters["neurons"], best.result["r2_mean"]
     why = "fewest with R2 above 99.9 %" if r2 > ENOUGH else "largest R2"
     return f"{count} neurons ({why}: {percent(r2, 3)})"
+
+
+def on_splits(
+    sweep: Sweep, networks: Mapping[str, Finished], others: Sequence[str]
+) -> dict[str, dict[str, Finished | str]]:
+    """Networks by name on the split of a sweep and on others, or why that cannot be."""
+
+    def trial(one: Finished, split: str) -> Finished | str:
+        count = one.parameters["neurons"]
+        return sweep.possible(split) or sweep.run(neurons=count, split=split)
+
+    return {
+        name: {sweep.settings.split: one, **{s: trial(one, s) for s in others}}
+        for name, one in networks.items()
+    }
 
 
 def entries_of(

@@ -1,4 +1,4 @@
-"""What strips are taken for in a controller: virtual specimens, models, their cost."""
+"""What strips are taken for in a controller, what that costs, and how it walks."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from softnn import virtual
+from softnn.actuator import Chain, Controller, Walk, walk
 from softnn.contracts import Array
 from softnn.effects import effect
 from softnn.export.compiled import Compiled
@@ -21,13 +22,15 @@ from softnn.models import Hooke
 from softnn.models.fit_piecewise import fit_jointly
 from softnn.models.segments import Equal
 from softnn.models.units import Units
-from softnn.motor import Strip
+from softnn.motor import Bundle, Motor, Strip
 from softnn.neural import Seen, StoredNetwork, samples, train
 from softnn.recording import Recording
 
 NAME, STEP_S = "NatPolR", 1e-3
 NEURONS = 13  # Table 6.6
 SEGMENTS, BRANCHES = 12, 8
+WORKING = 0.5  # strain, Table 7.3
+TORQUE_Nm, KNEE = 15.0, (5.0, 63.0)  # half of 29 Nm; degrees, `studies.gait`
 Row = dict[str, Any]
 
 
@@ -123,3 +126,55 @@ def step_times(network: Strip, steps: int) -> Row:
         busy = time.thread_time_ns() - busy
         out[name] = {"mean": busy / steps, "slowest_1000": max(taken)}
     return out
+
+
+def top_stress() -> float:
+    """Stress [MPa] of a virtual strip that is pulled to the working range."""
+    strain = np.arange(0, WORKING, 0.25 * STEP_S)
+    law = virtual.calibration(NAME)
+    return float(virtual.stress(law, strain, STEP_S, virtual.Specimen())[-1])
+
+
+def chain_of(modulus_MPa: float, top_MPa: float) -> Chain:
+    """The published chain whose strips of a modulus give 15 Nm at a top stress."""
+    bundle = Bundle().for_torque(TORQUE_Nm, top_MPa)
+    force_per_angle = bundle.strips * bundle.area_mm2 * modulus_MPa * bundle.radius_mm
+    stiff = 1e-3 * bundle.radius_mm * force_per_angle / bundle.length_mm
+    control = Controller(stiffness_Nm_per_rad=stiff)
+    return Chain(Motor.published(), bundle, control, STEP_S)
+
+
+def stride(seconds: float) -> tuple[Array, Array]:
+    """Torque wanted [Nm] and angle of the knee [rad], each (n,): a stride a second."""
+    t = np.arange(0, seconds, STEP_S)
+    swing = 0.5 - 0.5 * np.cos(2 * np.pi * t)
+    low, high = np.radians(KNEE)
+    return TORQUE_Nm * swing, low + (high - low) * swing
+
+
+def errors(found: Walk, goal: Array) -> Row:
+    """Torque against what was wanted, over the largest wanted; and the model's part."""
+    off = (found.torque_Nm - goal) / TORQUE_Nm
+    blind = (found.torque_Nm - found.estimate_Nm) / TORQUE_Nm
+    return {
+        "rms_error": float(np.sqrt(np.mean(off**2))),
+        "largest_error": float(np.max(np.abs(off))),
+        "rms_of_estimate": float(np.sqrt(np.mean(blind**2))),
+        "largest_strain": float(found.strain.max()),
+        "largest_voltage_V": float(np.max(np.abs(found.voltage_V))),
+    }
+
+
+def timed(model: Strip, chain: Chain, seconds: float) -> float:
+    """How many times faster than real time a loop of compiled models runs.
+
+    By processor time, so that what else the machine does is left out.
+    """
+    assert isinstance(model, Compiled)
+    goal, load = stride(min(6 * seconds, 60))
+    other = Compiled(
+        Stored(Units("hooke", (0.0, 1.0)), np.ones(1), (), (), False, "virgin")
+    )
+    began = time.thread_time()
+    walk(chain, goal, load, model, other)
+    return float(len(goal) * STEP_S / (time.thread_time() - began))

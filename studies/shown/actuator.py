@@ -8,13 +8,10 @@ from typing import TYPE_CHECKING, Any
 from softnn.actuator import Walk
 from softnn.contracts import Array
 from softnn.study import common
+from softnn.study.strips import Row, TORQUE_Nm
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-TORQUE_Nm, KNEE = 15.0, (5.0, 63.0)  # half of 29 Nm; degrees, `studies.gait`
-
-Row = dict[str, Any]
 
 
 def report(rows: Sequence[Row], checks: Row, steps: Row, fast: float) -> str:

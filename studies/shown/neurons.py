@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from softnn.json_file import plain
 from softnn.materials import MATERIALS, table
 from softnn.search import Finished
+from softnn.study import common
 from softnn.study.baselines import WAYS
-from softnn.study.common import COLOURS, FAINT, new_figure, percent
 from softnn.study.material_data import Data
-from softnn.study.settings import Settings
-from softnn.study.sweep import WHAT
+from softnn.study.settings import Places, Settings
+from softnn.study.sweep import WHAT, Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,6 +39,7 @@ NOTE_ON_THESIS = (
 HEADER = ("judged on", "model", "NRMSE", "R2", "size")
 WIDE = 15  # folds as far apart as this (ratio) are drawn on a log scale
 OVER_RATES = "mean over rates"
+CURVES = {"r2_by_neurons": "r2_mean", "nrmse_by_neurons": "generalisation_error"}
 CHOSEN, FEW = "network", "network, fewest needed"
 
 Judged = Mapping[str, Mapping[str, Finished | str]]
@@ -113,8 +116,8 @@ def printed(row: dict[str, Any]) -> list[str | None]:
     return [
         row["judged_on"],
         row["model"],
-        percent(row["nrmse"]),
-        percent(row["r2"]),
+        common.percent(row["nrmse"]),
+        common.percent(row["r2"]),
         row["size"],
     ]
 
@@ -161,6 +164,39 @@ def notes(judged: Judged, baselines: dict[str, Any]) -> list[str]:
     return found
 
 
+def track(
+    sweep: Sweep,
+    places: Places,
+    grid: Sequence[Finished],
+    best: Finished,
+    rows: Sequence[dict[str, Any]],
+    headline: Mapping[str, Any],
+    kept: Mapping[str, Any],
+) -> str:
+    """Log figure, tables, curves and `kept` as the result of a sweep; text and note."""
+    data, settings = sweep.data, sweep.settings
+    name = f"{settings.file_name('neurons')}-{data.file_name}"
+    files = common.save_figure(draw(data, settings, grid, best), name, places.results)
+    text = common.markdown(HEADER, [printed(row) for row in rows])
+    text = f"{text}\n\n{note_on(data)}"
+    table = [count_row(t) for t in grid]
+    curves = {k: [(r["neurons"], r[v]) for r in table] for k, v in CURVES.items()}
+    sweep.tracker.curve(curves, sweep.ended)
+    sweep.tracker.result(
+        {k: v for k, v in headline.items() if isinstance(v, int | float)}
+        | {"nrmse": best.value, "r2": best.result["r2_mean"]},
+        note=f"**{data.label}**\n\n{text}",
+        files=files,
+        texts={
+            "comparison.csv": as_csv(rows),
+            "neurons.csv": as_csv(table),
+            **{f"{k}.json": json.dumps(plain(v), indent=1) for k, v in kept.items()},
+        },
+        tags={"best": f"{best.parameters['neurons']} neurons"},
+    )
+    return text
+
+
 def count_row(trial: Finished) -> dict[str, Any]:
     """A neuron count as a row of the table that MLflow shows."""
     found = trial.result
@@ -196,7 +232,7 @@ def draw(
     data: Data, settings: Settings, grid: Sequence[Finished], best: Finished
 ) -> Figure:
     """R2 and generalisation error against neurons, as in Figs 6.4 to 6.6."""
-    figure = new_figure()
+    figure = common.new_figure()
     left, right = figure.subplots(1, 2)
     thesis = None
     if data.is_virtual and data.material in MATERIALS:
@@ -244,13 +280,13 @@ def _panel(
         count,
         low,
         high,
-        color=COLOURS[0],
+        color=common.COLOURS[0],
         alpha=0.18,
         linewidth=0,
         label="least and largest of the folds",
     )
     line = shown(100 * np.array([t.result[mean] for t in grid]))
-    axes.plot(count, line, "o-", color=COLOURS[0], markersize=3.5, label="mean")
+    axes.plot(count, line, "o-", color=common.COLOURS[0], markersize=3.5, label="mean")
     chosen = best.parameters["neurons"]
     axes.plot(
         chosen,
@@ -258,7 +294,7 @@ def _panel(
         "o",
         markersize=11,
         markerfacecolor="none",
-        markeredgecolor=COLOURS[1],
+        markeredgecolor=common.COLOURS[1],
         markeredgewidth=1.8,
         label=f"chosen: {chosen} neurons",
     )
@@ -267,7 +303,7 @@ def _panel(
             reference[0],
             shown(np.array(reference[1])),
             "D",
-            color=FAINT,
+            color=common.FAINT,
             markersize=5,
             label="thesis (other recordings)",
         )
@@ -281,7 +317,7 @@ def _panel(
     axes.set_xlabel("neurons in the hidden layer")
     axes.set_xlim(min(count) - 0.6, max(count) + 0.6)
     axes.locator_params(axis="x", integer=True)
-    axes.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
+    axes.grid(axis="y", color=common.FAINT, alpha=0.25, linewidth=0.6)
 
 
 def _missing(r2: np.ndarray) -> np.ndarray:

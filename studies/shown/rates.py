@@ -12,6 +12,33 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+def rows_of(
+    model: str, found: dict[str, Any], published: dict[str, Any] | None
+) -> list[list[Any]]:
+    """The rows of a model: fitted as in the thesis and beyond it, and Table 5.2."""
+    thesis, joint = found["fitted_at"], found["joint"]
+    rows = [
+        _row(f"{model}, k* at {thesis}", found["as_in_thesis"]),
+        _row("  any reading of the branches", found["any_reading"]),
+        _row("  branches at the best share of it", found["softened"]),
+    ]
+    for rate, entry in found["fitted_at_each_rate"].items():
+        if rate != thesis:
+            rows.append(_row(f"  k* at {rate}", entry))
+    if joint:
+        sizes = joint["segments"], joint["branches"], "all rates fitted"
+        error = percent(joint["nrmse_over_rates"])
+        rows.append(["  springs and branches jointly", error, None, *sizes])
+    if apart := found["each_rate_from_the_others"]:
+        name, error = "  the same, each rate left out in turn", percent(apart["nrmse"])
+        rows.append([name, error, None, None, None, "rate not seen"])
+    if published:
+        error = f"{published['generalisation_error']:.2f} %"
+        at = f"{published['tolerance']} %", None, None, "Table 5.2"
+        rows.append(["  thesis, its own recordings", error, *at])
+    return rows
+
+
 def _row(name: str, entry: dict[str, Any]) -> list[Any]:
     return [
         name,

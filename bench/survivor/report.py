@@ -11,15 +11,40 @@ import numpy as np
 
 from softnn.contracts import InputError
 from softnn.study import common
+from softnn.taught import INPUTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 BARS = {"nrmse": 0.03, "over_ffrd4": 5.0, "over_corrected": 1.5}
 BARS |= {"step_ns": 1000.0, "corrected_ns": 300.0, "python_s": 50e-6}
 BARS |= {"difference": 1e-9, "times_real_time": 20.0}
 Result = Mapping[str, Any]
+
+
+def headline_of(body: Result) -> dict[str, Any]:
+    """What issues and texts quote, flat."""
+    out: dict[str, Any] = {}
+    for row in body["problems"]:
+        short = row["name"].replace(", ", " ").replace(" ", "_")
+        for key in (INPUTS, "corrected model", "FFRD4"):
+            out[f"{short}_{key.replace(' ', '_')}_nrmse"] = row["nrmse"][key]
+        out[f"{short}_over_corrected"] = (
+            row["nrmse"][INPUTS] / row["nrmse"]["corrected model"]
+        )
+        out[f"{short}_wrong_sign"] = row["wrong_sign"][INPUTS]
+    if "sines" not in body:
+        return out
+    mine = [row["models"][INPUTS] for row in body["sines"]]
+    out["sines_negative"] = sum(m["networks_negative"] for m in mine)
+    errors = [m["nrmse"] for m in mine if m["nrmse"] is not None]
+    out["sines_largest_nrmse"] = max(errors)
+    fast = body["real_time"]
+    out |= {k: v for k, v in fast.items() if not isinstance(v, Mapping)}
+    for name, taken in fast["step_ns"].items():
+        out |= {f"{name}_step_{k}_ns": v for k, v in taken.items()}
+    return out | {"walking_rms_error": fast["walking"]["rms_error"]}
 
 
 def report(body: Result) -> str:
@@ -66,18 +91,13 @@ def bars(body: Result) -> list[list[str]]:
         fast, steps = body["real_time"], body["real_time"]["step_ns"]
         for name, key in (("network", "step_ns"), ("corrected", "corrected_ns")):
             mean = steps[name]["mean"]
-            one(
-                f"C step, {name}, ns", f"{mean:.3g}", f"{BARS[key]:g}", mean < BARS[key]
-            )
+            bar = BARS[key]
+            one(f"C step, {name}, ns", f"{mean:.3g}", f"{bar:g}", mean < bar)
         step = fast["step_from_python_s"]
         one("a step from Python, s", f"{step:.2g}", "5e-05", step < BARS["python_s"])
         off = fast["largest_difference"]
-        one(
-            "C against Python, relative",
-            f"{off:.2g}",
-            "1e-09",
-            off < BARS["difference"],
-        )
+        met = off < BARS["difference"]
+        one("C against Python, relative", f"{off:.2g}", "1e-09", met)
         pace = fast["times_real_time"]
         met = pace >= BARS["times_real_time"]
         one("walking, times real time", f"{pace:.3g}", "20", met)

@@ -1,14 +1,22 @@
-"""How the study of architectures shows what it found: front, choices, figure."""
+"""How the study of architectures shows what it found: a sentence, a table, a figure."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from softnn.neural import architecture_of
+from bench.architectures.choices import (
+    USES,
+    Choice,
+    described,
+    folds,
+    paired,
+    rival_of,
+    spread,
+    words,
+)
 from softnn.search import Finished
 from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure, percent
 
@@ -16,107 +24,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-USES = ("random", "unseen")  # the order of the objectives
 WORDS = {"rate": "by unseen rate", "recording": "by unseen recording"}
 SHAPES = "osD^vP*h"
 BESIDE = {"PL-SLS": "X", "PL-Wiechert": "P", "gradient": "s"}
 FACES = {"as in the thesis": "white", "any reading of the holds": "#bbbbbb"}
 WORST = 2.0  # NRMSE beyond which nothing is drawn
-
-
-def front(tried: Sequence[Finished]) -> list[Finished]:
-    """Whole trials that no other whole trial beats in both objectives, best first."""
-    whole = [t for t in tried if t.result["stopped_after"] is None]
-    kept: list[Finished] = []
-    for trial in sorted(whole, key=lambda t: (t.values, t.number)):
-        if not kept or trial.values[1] < kept[-1].values[1]:
-            kept.append(trial)
-    return kept
-
-
-@dataclass(frozen=True)
-class Choice:
-    """The network for one use: the smallest of those that tie with the best.
-
-    A tie: the error is within one standard error, over folds, of the least (Breiman et
-    al. 1984). `ties` counts them, the best one too; `fewest` is their least neuron
-    count.
-    """
-
-    use: str
-    trial: Finished
-    best: Finished
-    ties: int
-    fewest: int
-
-    @property
-    def words(self) -> str:
-        return words(self.trial)
-
-    def entry(self, anew: Finished) -> dict[str, Any]:
-        """As the result file keeps it; `anew`: other folds, other starting weights."""
-        return {
-            "configuration": self.trial.result["configuration"],
-            "words": self.words,
-            "ties": self.ties,
-            "fewest_neurons_of_ties": self.fewest,
-            "best": rows_of([self.best])[0],
-            "searched": rows_of([self.trial], folds=True)[0],
-            "anew": rows_of([anew], folds=True)[0],
-        }
-
-
-def choices(tried: Sequence[Finished]) -> dict[str, Choice]:
-    """For each use its choice among all whole trials."""
-    whole = [t for t in tried if t.result["stopped_after"] is None]
-    found = {}
-    for i, use in enumerate(USES):
-        best = min(whole, key=lambda t: (t.values[i], t.number))
-        ties = [t for t in whole if t.values[i] <= best.values[i] + spread(best, use)]
-        small = min(ties, key=lambda t: (t.result["parameters"], t.values[i]))
-        fewest = min(t.parameters["neurons"] for t in ties)
-        found[use] = Choice(use, small, best, len(ties), fewest)
-    return found
-
-
-def folds(trial: Finished, use: str) -> np.ndarray:
-    """NRMSE (k,) of a trial by fold."""
-    found = trial.result["unseen"] if use == "unseen" else trial.result
-    return np.array(found["nrmse"])
-
-
-def spread(trial: Finished, use: str) -> float:
-    """Standard error of the mean NRMSE over folds."""
-    found = folds(trial, use)
-    return float(found.std(ddof=1) / np.sqrt(len(found)))
-
-
-def paired(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
-    """Mean of one - other over folds (k,), and its standard error.
-
-    >>> paired(np.array([2.0, 4.0]), np.array([1.0, 1.0]))
-    (2.0, 1.0)
-    """
-    gap = one - other
-    return float(gap.mean()), float(gap.std(ddof=1) / np.sqrt(len(gap)))
-
-
-def words(trial: Finished) -> str:
-    """A configuration in a few words."""
-    return described(trial.result["configuration"])
-
-
-def described(chosen: Mapping[str, Any]) -> str:
-    """The same of a configuration, or of a row of the result file."""
-    count = chosen["neurons"]
-    how = chosen["regularisation"]
-    if how.startswith("l2="):
-        how = f"L2 {float(how[3:]):.1e}"
-    text = f"{chosen['inputs']}, {count} neuron{'s' * (count != 1)}, {how}"
-    if chosen["lag_s"] is not None:
-        return f"{text}, lag {chosen['lag_s']:.2g} s"
-    lagged = architecture_of(chosen["inputs"]).lagged
-    return f"{text}, lag one sample" if lagged else text
 
 
 def sentence(
@@ -162,10 +74,9 @@ def _of_use(
         )
     else:
         text += "no ties"
-    able = [b for b in beside if not isinstance(b[use], str)]
-    if not able:
+    rival = rival_of(beside, use)
+    if rival is None:
         return text + ")"
-    rival = min(able, key=lambda b: np.mean(b[use]))
     text += f"; {rival['model']} {percent(float(np.mean(rival[use])), 1)}"
     if use == "unseen":  # folds drawn anew are other ones where they are random
         gap, within = paired(mine, np.array(rival[use]))
@@ -182,37 +93,16 @@ def _pm(mean: float, error: float, digits: int = 1) -> str:
     return " \N{PLUS-MINUS SIGN} ".join(both) + " %"
 
 
-def rows_of(trials: Sequence[Finished], folds: bool = False) -> list[dict[str, Any]]:
-    """Trials as the result file keeps them."""
-    rows = []
-    for trial in trials:
-        found = trial.result
-        row: dict[str, Any] = {
-            **found["configuration"],
-            "parameters": found["parameters"],
-            "random": trial.values[0],
-            "unseen": trial.values[1],
-            "stopped_after": found["stopped_after"],
-        }
-        if "nrmse_measured" in found:
-            row["random_measured"] = float(np.mean(found["nrmse_measured"]))
-        if folds:
-            row["folds_random"] = found["nrmse"]
-            row["folds_unseen"] = dict(
-                zip(found["unseen"]["folds"], found["unseen"]["nrmse"], strict=True)
-            )
-        rows.append(row)
-    return rows
-
-
-def table(tried: Sequence[Finished], beside: Sequence[Mapping[str, Any]]) -> str:
-    """The front and what stands beside it, as Markdown."""
-    rows = [
-        [words(t), percent(t.values[0]), percent(t.values[1])] for t in front(tried)
-    ]
+def table(
+    front: Sequence[Mapping[str, Any]],
+    beside: Sequence[Mapping[str, Any]],
+    unseen: str = "unseen",
+) -> str:
+    """The front, as the result file keeps it, and what stands beside, as Markdown."""
+    rows = [[described(t), *(percent(t[use]) for use in USES)] for t in front]
     for model in beside:
         rows.append([model["model"], *(_mean(model[use]) for use in USES)])
-    return markdown(["model", "random folds", "unseen"], rows)
+    return markdown(["model", "random folds", unseen], rows)
 
 
 def _mean(errors: Sequence[float] | str) -> str | None:

@@ -8,22 +8,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
 from scipy.stats import wilcoxon
 
+from bench.architectures.choices import front
 from softnn.contracts import InputError
 from softnn.neural import ARCHITECTURES, architecture_of
 from softnn.neural import Settings as Training
 from softnn.search import TOGETHER, Finished, Range, Result, Value
 from softnn.study.material_data import Data
-from softnn.study.settings import Settings
+from softnn.study.settings import Places, Settings
 from softnn.study.trainer import Trainer
 from softnn.workers import workers
-from studies.architectures_report import front
 
 # A gain of 3 nats on 3,000 samples is 0.1 % of the error: less than folds scatter.
 TRAINING = Training(epochs=60, settled_nats=3.0)
@@ -45,6 +45,20 @@ def unseen_split(trainer: Trainer) -> str:
         trainer.folds("recording", "FFRD4", seed)
         return "recording"
     return "rate"
+
+
+def space(settings: Settings, seeds: list[int]) -> dict[str, Sequence[Value] | Range]:
+    """What is drawn, and from what."""
+    return {
+        "inputs": list(INPUTS),
+        "neurons": settings.neurons,
+        "regularisation": ["bayesian", "early-stopping", "l2"],
+        "closed_form": ["bayesian", "l2"],
+        "weight": WEIGHTS,
+        "lag": [ONE_SAMPLE, A_TIME],
+        "lag_s": LAGS,
+        "folds_seed": seeds,
+    }
 
 
 def conditions(differenced: bool) -> dict[str, Any]:
@@ -117,16 +131,22 @@ Ahead = Sequence[tuple[float, Sequence[float]]]
 
 
 class Judge:
-    """Trials of one material, each in a process of its own; used as a context."""
+    """Trials of one material; used as a context.
 
-    def __init__(self, trainer: Trainer, unseen: str) -> None:
-        self.trainer, self.unseen = trainer, unseen
+    Each is in a process of its own where the search is this process's alone; where
+    others are on it too, and have cores of their own, trials are in this process.
+    """
+
+    def __init__(self, trainer: Trainer, places: Places) -> None:
+        self.trainer, self.unseen = trainer, unseen_split(trainer)
+        self._alone = places.storage.startswith("sqlite")
         self._stack = ExitStack()
+        self._pool: Executor | None = None
 
     def __enter__(self) -> Judge:
-        self._pool = self._stack.enter_context(
-            workers(min(TOGETHER, os.cpu_count() or 1))
-        )
+        if self._alone:
+            pool = workers(min(TOGETHER, os.cpu_count() or 1))
+            self._pool = self._stack.enter_context(pool)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -140,9 +160,7 @@ class Judge:
         chosen = configuration(parameters)
         for other in done:  # the sampler may ask for the same again
             if other.result["configuration"] == chosen:
-                known: Future[Result] = Future()
-                known.set_result((other.values, other.result))
-                return known
+                return _known((other.values, other.result))
         return self._submit(chosen, ahead)
 
     def whole(self, parameters: Mapping[str, Any]) -> Result:
@@ -151,7 +169,15 @@ class Judge:
 
     def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
         about = self.trainer.data, self.trainer.settings, self.unseen
+        if self._pool is None:
+            return _known(judged(*about, chosen, ahead))
         return self._pool.submit(judged, *about, chosen, ahead)
+
+
+def _known(result: Result) -> Future[Result]:
+    found: Future[Result] = Future()
+    found.set_result(result)
+    return found
 
 
 def judged(

@@ -1,0 +1,239 @@
+"""Which network to take for which use, material by material: a page.
+
+`python -m studies.architectures_page` writes docs/architectures.md, its figures and the
+table in README.md from the files architectures-*.json in studies/results alone; real
+recordings come first.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.architectures.choices import USES, folds_of, rival_of, worse_by
+from bench.architectures.report import draw, table
+from bench.reporting import between
+from softnn.search.draws import STARTUP
+from softnn.study import common
+
+ROOT = Path(__file__).resolve().parents[2]
+MARK = "<!-- made by python -m studies.architectures_page -->"
+MADE = (
+    "Made by `python -m studies.architectures_page` from `studies/results`; no number "
+    "here is typed. Errors are NRMSE, +- one standard error over folds. A network that "
+    "was chosen is judged again: random folds and starting weights are drawn anew, the "
+    "rates or recordings held out are those it was chosen by, so that error is a "
+    "little flattered. Piecewise-linear models (PL) and boosted trees are fitted, and "
+    "chosen, on the training recordings of each fold alone. A search begins with every "
+    "architecture at 4 and 12 neurons, Bayesian regularisation, and draws at random "
+    f"up to trial {STARTUP}; only then does the sampler follow the front. A search of "
+    "fewer trials compares architectures, and says little of neurons or of "
+    "regularisation."
+)
+INTRO = """Which network to take: two answers a material, for samples of recordings one
+has and for what was never seen, each beside the best that is no network.
+[The page](docs/architectures.md) has the rest."""
+COMMAND = "python -m studies.architectures"
+
+Result = Mapping[str, Any]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.architectures_page`; returns the exit code."""
+    p = common.parser("architectures_page", __doc__)
+    p.add_argument(
+        "--results", type=Path, default=common.RESULTS, help="where the JSON lies"
+    )
+    p.add_argument("--out", type=Path, help="folder of README.md and docs (this one)")
+    a = p.parse_args(argv)
+    folder = a.out or (common.RUNS / "smoke" if a.smoke else ROOT)
+    return common.guarded(lambda: print(f"written to {make(a.results, folder)}"))
+
+
+def make(results: Path, folder: Path) -> Path:
+    """Write the page, its figures and README's table; the path of the page."""
+    files = result_files(results)
+    docs = folder / "docs"
+    (docs / "figures").mkdir(parents=True, exist_ok=True)
+    parts = ["# Which network for which use", MADE]
+    parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
+    lacks = lacks_of(results)
+    for name, found in sections(files).items():
+        common.save_figure(draw(found["materials"]), name, docs / "figures")
+        (docs / "figures" / f"{name}.svg").unlink()  # a point a trial: no smaller
+        parts += [f"## {title_of(found)}", run_of(found)]
+        parts.append(f"![both errors of every trial](figures/{name}.png)")
+        for one in found["materials"]:
+            said = one["sentence"] + worse(one) + lacks.get(one["label"], "")
+            shown = table(one["front"], one["baselines"], f"unseen {one['unseen']}")
+            parts += [f"### {one['label']}", said, shown]
+        parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
+    parts += augmented(results)
+    page = docs / "architectures.md"
+    page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    readme = folder / "README.md"
+    if readme.exists() and files:
+        text, made = readme.read_text(encoding="utf-8"), summary(files.values())
+        readme.write_text(
+            between(MARK, text, f"{INTRO}{helps(results)}\n\n{made}"), encoding="utf-8"
+        )
+    return page
+
+
+def result_files(results: Path) -> dict[Path, Result]:
+    """Results of real recordings, then of virtual specimens, each by name."""
+    found = {file: read(file) for file in sorted(results.glob("architectures*.json"))}
+    return dict(sorted(found.items(), key=lambda f: (is_virtual(f[1]), f[0])))
+
+
+def read(file: Path) -> Result:
+    """What a study has found; nothing where it was not run."""
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+
+
+def sections(files: Mapping[Path, Result]) -> dict[str, Result]:
+    """Results by the name of their figure: the virtual materials are one."""
+    found = {file.stem: one for file, one in files.items() if not is_virtual(one)}
+    virtual = [one for one in files.values() if is_virtual(one)]
+    if virtual:
+        seconds = [one["headline"]["study_s"] for one in virtual]
+        whole = None if None in seconds else sum(seconds)
+        found["architectures-virtual"] = {
+            **virtual[0],
+            "materials": [m for one in virtual for m in one["materials"]],
+            "left_out": {k: v for one in virtual for k, v in one["left_out"].items()},
+            "headline": {"study_s": whole},
+        }
+    return found
+
+
+def is_virtual(found: Result) -> bool:
+    return bool(found["settings"]["data"] == "virtual")
+
+
+def title_of(found: Result) -> str:
+    given = found["settings"]
+    if is_virtual(found):
+        return "Virtual specimens of the materials of the thesis"
+    cycles = ", whole cycles" if given["cycles"] else ""
+    return f"Real recordings{cycles}: {given['data']}"
+
+
+def run_of(found: Result) -> str:
+    """How it was run, in a sentence."""
+    rows = []
+    for one in found["materials"]:
+        stopped = one["headline"]["trials_stopped"]
+        rows.append(f"{one['material']} {len(one['trials'])} ({stopped} stopped early)")
+    seconds = found["headline"]["study_s"]
+    took = "" if seconds is None else f" In all {seconds:.0f} s."
+    given = found["settings"]
+    return (
+        f"Trials: {', '.join(rows)}; {given['folds']} random folds, at most "
+        f"{given['samples']} samples a recording; {found['machine']}, {found['made']}."
+        + took
+    )
+
+
+def summary(found: Iterable[Result]) -> str:
+    """A row a material: what to take for which use, and the best that is no network."""
+    rows = []
+    for file in found:
+        for one in file["materials"]:
+            kind = "virtual" if is_virtual(file) else file["settings"]["data"]
+            row = [one["material"], kind + ", cycles" * file["settings"]["cycles"]]
+            for use in USES:
+                chosen = one["choices"][use]
+                row.append(chosen["words"])
+                row.append(pm(folds_of(chosen["anew"], use)))
+                row.append(rival_cell(one, use))
+            rows.append(row)
+    header = ["material", "recordings"]
+    header += ["for recordings one has", "NRMSE", "best other"]
+    header += ["for what was never seen", "NRMSE", "best other"]
+    return common.markdown(header, rows)
+
+
+def rival_cell(one: Result, use: str) -> str | None:
+    rival = rival_of(one["baselines"], use)
+    if rival is None:
+        return None
+    return f"{rival['model']} {common.percent(float(np.mean(rival[use])), 1)}"
+
+
+def worse(one: Result) -> str:
+    """That a piecewise model does better on what was never seen, where it does."""
+    found = worse_by(one)
+    if found is None:
+        return ""
+    model, gap = found
+    return (
+        f" **{model} foretells what was never seen better than any network tried**, by "
+        f"{common.percent(gap, 1)}: take it there."
+    )
+
+
+def lacks_of(results: Path) -> dict[str, str]:
+    """What the network lacks, by a diagnosis, by material: see `studies.lacks`."""
+    found = read(results / "lacks.json").get("materials", {})
+    return {
+        label: f" Of {one['unseen']}, where it is worst, a diagnosis of the network "
+        f"({one['network']}; `python -m studies.lacks`) says: {one['summary']}"
+        for label, one in found.items()
+    }
+
+
+def helps(results: Path) -> str:
+    """What simulated recordings are worth, in a sentence; nothing where not run."""
+    found = read(results / "augmentation.json")
+    if not found:
+        return ""
+    head = found["headline"]
+    return (
+        "\nRecordings simulated by a piecewise-linear model, added to training, help "
+        f"{head['helped']} of {head['networks']} networks at what was never seen and "
+        f"harm {head['harmed']}."
+    )
+
+
+def augmented(results: Path) -> list[str]:
+    """What simulated recordings beside measured ones are worth."""
+    found = read(results / "augmentation.json")
+    if not found:
+        return []
+    head = found["headline"]
+    rows = [
+        [
+            row["label"],
+            row["inputs"],
+            row["unseen"],
+            pm(np.array(row["without"])),
+            pm(np.array(row["with"])),
+            f"{100 * row['gain']:.1f} +- {100 * row['gain_error']:.1f} %",
+        ]
+        for row in found["networks"]
+    ]
+    header = ["material", "inputs", "unseen", "without", "with", "gain, paired"]
+    return [
+        "## Recordings simulated by a fitted model, added to training",
+        f"{found['neurons']} neurons, Bayesian regularisation, by what was never seen "
+        "(section 8.3 of the thesis; `python -m studies.augmentation`). By more than "
+        f"one standard error over folds it helps {head['helped']} and harms "
+        f"{head['harmed']} of {head['networks']} networks.",
+        common.markdown(header, rows),
+        *(f"Left out: {label}: {why}" for label, why in found["left_out"].items()),
+    ]
+
+
+def pm(errors: np.ndarray) -> str:
+    """Mean and its standard error, in per cent.
+
+    >>> pm(np.array([0.1, 0.3]))
+    '20.0 +- 10.0 %'
+    """
+    spread = errors.std(ddof=1) / np.sqrt(len(errors)) if len(errors) > 1 else 0.0
+    return f"{100 * errors.mean():.1f} +- {100 * spread:.1f} %"

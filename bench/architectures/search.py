@@ -1,0 +1,111 @@
+"""The search over architectures of one material, and what it gives."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from bench.architectures.baselines import baselines
+from bench.architectures.choices import choices, front, headline_of, rows_of
+from bench.architectures.report import draw, sentence, table
+from bench.architectures.trials import TRAINING, Judge, conditions, opening, space
+from softnn import json_file
+from softnn.study.common import save_figure
+from softnn.study.material_data import Data
+from softnn.study.settings import Places, Settings
+from softnn.study.sweep import Sweep
+from softnn.study.trainer import Trainer
+
+CODE = (Path(__file__).with_name("trials.py"),)
+
+
+def searched(
+    data: Data, settings: Settings, places: Places, trials: int
+) -> dict[str, Any] | None:
+    """One material: the search, the front, the choice for each use, the sentence."""
+    trainer = Trainer(data, settings, TRAINING)
+    judge = Judge(trainer, places)
+    seeds = [settings.seed, settings.seed + 1]
+    differenced = any(r.test != "tensile" or not r.rate_per_s for r in data.tensile)
+    about = space(settings, seeds), places, trials + 2, 2, trainer, CODE
+    with Sweep("architectures", data, settings, *about) as sweep, judge:
+        tried = list(
+            sweep.explore(
+                judge.submit,
+                trials,
+                first=opening(settings),
+                when=conditions(differenced),
+            )
+        )
+        if places.worker:
+            return None
+        best = choices(tried)
+        anew = {
+            use: sweep.run(
+                judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}
+            )
+            for use, one in best.items()
+        }
+        beside = baselines(
+            data,
+            trainer.samples("FFRD4"),
+            {
+                "random": trainer.folds("random", "FFRD4", seeds[0]),
+                "unseen": trainer.folds(judge.unseen, "FFRD4", seeds[0]),
+            },
+            settings.seed,
+        )
+        said = sentence(data.label, judge.unseen, best, anew, beside)
+        headline = headline_of(tried, best, anew)
+        found = sweep.told(
+            headline,
+            samples=sum(map(len, data.tensile)),
+            unseen=judge.unseen,
+            sentence=said,
+            choices={use: one.entry(anew[use]) for use, one in best.items()},
+            front=rows_of(front(tried), folds=True),
+            baselines=beside,
+            trials=rows_of(tried),
+        )
+        text = table(found["front"], beside)
+        with tempfile.TemporaryDirectory() as aside:
+            pictures = save_figure(draw([found]), "front", Path(aside))
+            sweep.tracker.result(
+                {k: v for k, v in headline.items() if isinstance(v, int | float)},
+                note=f"{said}\n\n{text}",
+                files=pictures,
+                texts={"front.md": text},
+                tags={
+                    "best": "; ".join(f"{k}: {one.words}" for k, one in best.items())
+                },
+            )
+        for use, one in best.items():
+            alias = "best-random" if use == "random" else "best-unseen-rate"
+            chosen = one.trial.result["configuration"]
+            sweep.register(trainer.whole(chosen), [alias])
+        from_store = sweep.from_store()
+    print(f"\n{said}\n\n{text}")
+    if from_store:
+        print(from_store)
+    return found
+
+
+def keep(
+    found: Mapping[str, Any], data: Data, settings: Settings, folder: Path
+) -> Path:
+    """Write both ends of the front to a folder, for the tests to hold."""
+    source = "" if data.is_virtual else f"{data.source}-"
+    path = folder / f"architectures-{source}{data.file_name}.json"
+    content = {
+        "data_sha256": data.digest,
+        "settings": asdict(replace(settings, material=data.material)),
+        "training": asdict(TRAINING),
+        "unseen": found["unseen"],
+        "ends": {"random": found["front"][0], "unseen": found["front"][-1]},
+    }
+    json_file.write(path, content)
+    print(f"kept: {path}")
+    return path

@@ -1,0 +1,1 @@
+"""Networks of histories beside others: problems, networks, scores, a page."""
