@@ -9,6 +9,7 @@ from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import evidence
 from softnn.mismatch.evidence import Weigher, changes, climb, gained, trailing
+from softnn.mismatch.specimens import UNSAID
 from softnn.models.units import Units
 
 HOOKE = Units("hooke", (0.0, 1.0))
@@ -131,7 +132,7 @@ def test_specimens_nobody_named_differ_each_from_a_mean_of_all(monkeypatch):
     told = Weigher(made, found).weigh(found)
     # The second over the first, both of them off the mean: twice the variance.
     expected = density(2 * apart**2)
-    expected -= 0.5 * (apart / evidence.SCATTER_PRIOR) ** 2 + evidence.UNSAID
+    expected -= 0.5 * (apart / evidence.SCATTER_PRIOR) ** 2 + UNSAID
     assert told.alone == pytest.approx(expected, rel=1e-5)
     assert told.numbers == 0  # no news
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softnn.contracts import Effect
-from softnn.fit import Fit, Guess, fit
+from softnn.fit import Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import (
     FIRST,
@@ -24,7 +24,8 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.evidence import Evidence, Weigher
+from softnn.mismatch.evidence import SCATTER, Evidence, Weigher
+from softnn.mismatch.specimens import shared
 from softnn.noise import Noise
 
 EXPANDED = (3, 1)  # accounts of one, two effects that are given one more
@@ -155,27 +156,35 @@ def _each_less(account: Account) -> Iterator[tuple[Effect, Guess]]:
 def _as_specimens(
     base: Baseline, weigher: Weigher, found: Sequence[Account]
 ) -> list[Account]:
-    """The accounts with a scale for each recording, if the best is better for it.
+    """The accounts with scales of specimens, if the best is better for it.
 
     Replicates are different specimens until somebody says otherwise; where nobody did,
-    a scale error in most recordings is what specimens differ by.
+    a scale error in most recordings is what specimens differ by, and one that several
+    have alike is of the specimen that they share.
     """
     count = len(base.engine.chunks)
     if count < FEWEST or any(p.nuisance for p in base.fit.guess.pieces):
         return []
-    piece = scatter(count, [(r,) for r in range(1, count)], unsaid=True)
-    rest = [a for a in found if piece.effect.id not in a.effects]
+    each = scatter(count, [(r,) for r in range(1, count)], unsaid=True)
+    rest = [a for a in found if each.effect.id not in a.effects]
 
-    def apart(account: Account) -> Account:
+    def apart(account: Account, piece: Piece = each) -> Account:
         clock = time.perf_counter()
         new = refine(base.engine, account.fit, piece, REFITTED)
         evidence = weigher.weigh(new, whole=False)
         return Account(new, evidence, account.seconds + time.perf_counter() - clock)
 
-    trials = [apart(rest[0]), apart(max(rest, key=value))]
+    before = [rest[0], max(rest, key=value)]
+    trials = list(map(apart, before))
+    best = max(trials, key=value)
+    groups = shared(best.fit, count, SCATTER)
+    piece = scatter(count, groups[1:], unsaid=True)
+    alike = [apart(a, piece) for a in before]
+    if max(map(value, alike)) > value(best):
+        trials, each = alike, piece
     if max(map(value, trials)) < max(map(value, found)) - NEAR:
         return []
-    return trials[:1] + [apart(a) for a in _worth(rest) if a.effects]
+    return trials[:1] + [apart(a, each) for a in _worth(rest) if a.effects]
 
 
 def _as_mistakes(
@@ -241,7 +250,11 @@ def _worth(found: Sequence[Account], most: int = 0) -> list[Account]:
     So many sets are kept however far: noise not yet settled may favour others.
     """
     once = {
-        (tuple(p.effect.form for p in a.fit.guess.pieces), round(value(a))): a
+        (
+            a.effects,  # a scale may be of an effect, or of a specimen
+            tuple(p.effect.form for p in a.fit.guess.pieces),
+            round(value(a)),
+        ): a
         for a in reversed(found)
     }
     found = list(once.values())[::-1]

@@ -22,6 +22,7 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Slot, get, span
+from softnn.mismatch.specimens import cost, sizes
 from softnn.models.unit_kernel import maxwell
 from softnn.state import features
 
@@ -38,7 +39,6 @@ APART, WRONG = 4, 5  # their places
 FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
-UNSAID = 1.6  # log odds against specimens that nobody wrote down: one case in six
 ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is; of own wander
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
 FADING = 4  # paces at which what was not written down is forgotten
@@ -109,9 +109,10 @@ class Weigher:
         gram -= taken.T @ taken
         gram[np.diag_indices_from(gram)] += rounded
         right = np.concatenate([residual @ mine, residual @ other])
+        unsaid = against(found)
         there = {0: form.shape[1], APART: apart.shape[1], WRONG: wrong.shape[1]}
-        sizes = [*there.values(), SHARED, SHARED, self.own.shape[1]]
-        kinds = np.repeat([*there, 1, 2, 3], sizes)  # places in `GRIDS`
+        widths = [*there.values(), SHARED, SHARED, self.own.shape[1]]
+        kinds = np.repeat([*there, 1, 2, 3], widths)  # places in `GRIDS`
         norm = engine.log_norm - 0.5 * len(residual) * np.log(2 * np.pi)
         plain = norm - 0.5 * float(residual @ residual)
 
@@ -121,7 +122,7 @@ class Weigher:
             slight = scales[3:APART] if free else scales[1:APART]
             prior += sum((a / ELSE_PRIOR) ** 2 for a in slight)
             made = gained(gram, right, np.array(scales)[kinds])
-            return plain + made - 0.5 * prior - UNSAID * bool(scales[APART])
+            return plain + made - 0.5 * prior - unsaid * bool(scales[APART])
 
         nothing = [0] * len(GRIDS)
         nothing[APART] = 2 if there[APART] else 0
@@ -218,6 +219,13 @@ def mistaken(found: Fit, slot: Slot) -> bool:
     """Whether a number is by what scale a recording is wrong: paid by its own prior."""
     piece = found.guess.pieces[slot.piece] if slot.piece >= 0 else None
     return piece is not None and piece.effect.scatter and not piece.nuisance
+
+
+def against(found: Fit) -> float:
+    """Log odds against the specimens that nobody named, if it has any."""
+    unsaid = [p for p in found.guess.pieces if p.unsaid]
+    counts = [len(p.values[p.effect.amplitude]) for p in unsaid]
+    return sum(cost(sizes(n, p.groups)) for n, p in zip(counts, unsaid, strict=True))
 
 
 def scattered(found: Fit) -> tuple[Array, Array, Array, Array]:
