@@ -46,7 +46,7 @@ WHAT = {
 
 
 # Parts of softnn.neural that no trial runs: they keep and serve what it trained.
-AFTER = ("estimator", "guard", "recurrent", "served", "stored")
+AFTER = ("estimator", "guard", "served", "stored")
 
 
 class Sweep:
