@@ -114,9 +114,9 @@ def _job(
         mixed = rng.permutation(rows)
         cut = max(1, round(VALIDATION_SHARE * len(rows)))
         checks, rows = mixed[:cut], mixed[cut:]
-    # W of the inputs and a constant, U of the past, the output and its bias.
+    # W of the inputs and a constant, U of the past, output of the units and a constant.
     wide = 3 * count
-    shapes = (inputs.shape[1] + 1, wide), (count, wide), (count, 1), (1, 1)
+    shapes = (inputs.shape[1] + 1, wide), (count, wide), (count + 1, 1)
     start = [rng.uniform(-1, 1, shape) / np.sqrt(count) for shape in shapes]
     return _Job(count, rows, checks, *scales, start)
 
@@ -182,7 +182,7 @@ def _train(
             decay * len(job.learns),
             1.0,
             int(last),
-            "validation error rises" if last < epochs else "epochs at maximum",
+            "validation error rises" if last < epochs - 1 else "epochs at maximum",
             seconds,
         )
         for job, w, last in zip(jobs, weights, when, strict=True)
@@ -191,20 +191,22 @@ def _train(
 
 def _said(x: Tensor, free: Sequence[Tensor]) -> Tensor:
     """Normalised stress (B, steps, rows) of B networks to x (B, steps, rows, d + 1)."""
-    inputs, past, out, bias = free
+    inputs, past, out = free
     networks, steps, rows, width = x.shape
     size = past.shape[1]
     driven = torch.bmm(x.reshape(networks, -1, width), inputs)
     state, states = x.new_zeros(networks, rows, size), []
     for now in driven.reshape(networks, steps, rows, 3 * size).unbind(dim=1):
         before = torch.bmm(state, past)
-        gates = torch.sigmoid(now[..., : 2 * size] + before[..., : 2 * size])
-        reset, keep = gates.chunk(2, dim=2)
+        gates = torch.tanh((now[..., : 2 * size] + before[..., : 2 * size]) / 2)
+        reset, keep = ((1 + gates) / 2).chunk(2, dim=2)
         new = torch.tanh(now[..., 2 * size :] + reset * before[..., 2 * size :])
-        state = torch.lerp(new, state, keep)
+        state = new + keep * (state - new)
         states.append(state)
-    every = torch.stack(states, dim=1).reshape(networks, -1, size)
-    return (torch.bmm(every, out) + bias).reshape(networks, steps, rows)
+    # A product with a vector, or a sum over all samples, is rounded by its company.
+    every = torch.stack(states, dim=1)
+    both = torch.cat([every, torch.ones_like(every[..., :1])], dim=3)
+    return (both * out[:, None, None, :, 0]).sum(dim=3)
 
 
 def _clip(free: Sequence[Tensor]) -> None:
@@ -215,17 +217,10 @@ def _clip(free: Sequence[Tensor]) -> None:
         slope *= (MOST_NORM / norm).clamp(max=1)[:, None, None]
 
 
-def _network(
-    job: _Job, inputs: Array, past: Array, out: Array, bias: Array
-) -> RecurrentNetwork:
-    both, size = inputs.T, job.neurons
+def _network(job: _Job, inputs: Array, past: Array, out: Array) -> RecurrentNetwork:
+    gates, new = np.split(inputs.T, [2 * job.neurons])
     return RecurrentNetwork(
-        both[2 * size :].copy(),
-        np.append(out[:, 0], bias[0]),
-        job.x,
-        job.y,
-        both[: 2 * size].copy(),
-        past.T.copy(),
+        new.copy(), out[:, 0].copy(), job.x, job.y, gates.copy(), past.T.copy()
     )
 
 
