@@ -23,6 +23,7 @@ from softnn.recording import Recording
 
 EPOCHS = 200
 RATE = 0.05  # of Adam, at first; it falls to nothing along a cosine
+KEEP = 1.0  # added to what keeps the past, at first (Jozefowicz et al. 2015, ICML)
 MOST_NORM = 1.0  # of the gradient of a network
 
 
@@ -118,6 +119,7 @@ def _job(
     wide = 3 * count
     shapes = (inputs.shape[1] + 1, wide), (count, wide), (count + 1, 1)
     start = [rng.uniform(-1, 1, shape) / np.sqrt(count) for shape in shapes]
+    start[0][-1, count : 2 * count] += KEEP
     return _Job(count, rows, checks, *scales, start)
 
 
