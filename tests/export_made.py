@@ -89,6 +89,12 @@ def piece(law, start=0):
     return Piece(law, law.defaults() | own, ())
 
 
+def memory(neurons, width, rng):
+    """Weights that recurrent units have beside those of others."""
+    shapes = {"gates": (2 * neurons, width + 1), "past": (3 * neurons, neurons)}
+    return {name: rng.normal(size=shape) for name, shape in shapes.items()}
+
+
 def network(architecture="FFRD4", lag_s=None, seen=None, neurons=17):
     row = architecture_of(architecture)
     width = row.width
@@ -98,6 +104,9 @@ def network(architecture="FFRD4", lag_s=None, seen=None, neurons=17):
         low[1], high[1] = 0.02, 0.25
     scaling = Scaling(low, high), Scaling(np.array(0.0), np.array(3.0))
     net = row.network(
-        rng.normal(size=(neurons, width + 1)), rng.normal(size=neurons + 1), *scaling
+        rng.normal(size=(neurons, width + 1)),
+        rng.normal(size=neurons + 1),
+        *scaling,
+        **memory(neurons, width, rng) if row.recurrent else {},
     )
     return StoredNetwork(net, architecture, lag_s, seen)

@@ -166,7 +166,7 @@ def test_a_bounded_network_keeps_its_sign_and_agrees_over_many_samples(pulls, tm
     assert 0 < np.mean(got == 0) < 1  # it is not zero throughout
 
 
-@pytest.mark.parametrize("architecture", ["FFRD4S", "RBF"])
+@pytest.mark.parametrize("architecture", ["FFRD4S", "RBF", "GRU"])
 def test_a_network_without_c_is_refused(architecture):
     with pytest.raises(InputError, match=f"inputs {architecture} cannot be exported"):
         export(network(architecture), "c", "a")

@@ -17,7 +17,7 @@ import numpy as np
 from bench.architectures.choices import USES, folds_of, rival_of, worse_by
 from bench.architectures.report import draw, table
 from bench.reporting import between
-from softnn.search.draws import STARTUP
+from softnn.search.samplers import STARTUP
 from softnn.study import common
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,7 +29,8 @@ MADE = (
     "rates or recordings held out are those it was chosen by, so that error is a "
     "little flattered. Piecewise-linear models (PL) and boosted trees are fitted, and "
     "chosen, on the training recordings of each fold alone. A search begins with every "
-    "architecture at 4 and 12 neurons, Bayesian regularisation, and draws at random "
+    "architecture at 4 and 12 neurons, Bayesian regularisation where there is one, and "
+    "draws at random "
     f"up to trial {STARTUP}; only then does the sampler follow the front. A search of "
     "fewer trials compares architectures, and says little of neurons or of "
     "regularisation."

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WORDS = {"rate": "by unseen rate", "recording": "by unseen recording"}
-SHAPES = "osD^vP*h"
+SHAPES = "osD^vP*hp"
 BESIDE = {"PL-SLS": "X", "PL-Wiechert": "P", "gradient": "s"}
 FACES = {"as in the thesis": "white", "any reading of the holds": "#bbbbbb"}
 WORST = 2.0  # NRMSE beyond which nothing is drawn
@@ -138,7 +138,7 @@ def draw(found: Sequence[Mapping[str, Any]]) -> Figure:
 def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
     from matplotlib.ticker import LogLocator
 
-    colours = [*COLOURS, INK, FAINT]
+    colours = [*COLOURS, INK, FAINT, "#8b5a2b"]
     names = dict.fromkeys(t["inputs"] for t in one["trials"])
     for i, name in enumerate(names):
         mine = [t for t in one["trials"] if t["inputs"] == name]

@@ -11,7 +11,14 @@ from typing import Any
 from bench.architectures.baselines import baselines
 from bench.architectures.choices import choices, front, headline_of, rows_of
 from bench.architectures.report import draw, sentence, table
-from bench.architectures.trials import TRAINING, Judge, conditions, opening, space
+from bench.architectures.trials import (
+    ALL_GIVEN,
+    FIRST_OF,
+    TRAINING,
+    Judge,
+    conditions,
+    space,
+)
 from softnn import json_file
 from softnn.study.common import save_figure
 from softnn.study.material_data import Data
@@ -23,20 +30,26 @@ CODE = (Path(__file__).with_name("trials.py"),)
 
 
 def searched(
-    data: Data, settings: Settings, places: Places, trials: int
+    data: Data, settings: Settings, places: Places, trials: int, sampler: str = "tpe"
 ) -> dict[str, Any] | None:
-    """One material: the search, the front, the choice for each use, the sentence."""
+    """One material: the search, the front, the choice for each use, the sentence.
+
+    A grid has as many trials as it has points, whatever `trials`.
+    """
     trainer = Trainer(data, settings, TRAINING)
-    judge = Judge(trainer, places)
+    judge = Judge(trainer, places, stops=sampler not in ALL_GIVEN)
+    first = FIRST_OF[sampler](settings)
+    if sampler in ALL_GIVEN:
+        trials = len(first)
     seeds = [settings.seed, settings.seed + 1]
     differenced = any(r.test != "tensile" or not r.rate_per_s for r in data.tensile)
-    about = space(settings, seeds), places, trials + 2, 2, trainer, CODE
+    about = space(settings, seeds), places, trials + 2, 2, trainer, CODE, sampler
     with Sweep("architectures", data, settings, *about) as sweep, judge:
         tried = list(
             sweep.explore(
                 judge.submit,
                 trials,
-                first=opening(settings),
+                first=first,
                 when=conditions(differenced),
             )
         )

@@ -7,7 +7,7 @@ Folds are stopped by Wilcoxon's signed ranks against the front: see
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack
 from typing import Any
@@ -17,17 +17,24 @@ from scipy.stats import wilcoxon
 
 from bench.architectures.choices import front
 from softnn.contracts import InputError
-from softnn.neural import ARCHITECTURES, architecture_of
+from softnn.neural import ARCHITECTURES, PUBLISHED, architecture_of
 from softnn.neural import Settings as Training
 from softnn.search import TOGETHER, Finished, Range, Result, Value
 from softnn.study.material_data import Data
-from softnn.study.settings import Places, Settings
+from softnn.study.settings import Places, Settings, one_of
 from softnn.study.trainer import Trainer
 from softnn.workers import workers
 
 # A gain of 3 nats on 3,000 samples is 0.1 % of the error: less than folds scatter.
 TRAINING = Training(epochs=60, settled_nats=3.0)
 INPUTS = (*ARCHITECTURES, "FFH7")
+# Ways of regularisation, the first for opening trials, by what a network is trained by:
+# Levenberg-Marquardt; in closed form (Gaussian units); gradients (recurrent units).
+WAYS = {
+    "regularisation": ("bayesian", "early-stopping", "l2"),
+    "closed_form": ("bayesian", "l2"),
+    "by_gradient": ("early-stopping", "l2"),
+}
 WEIGHTS = Range(1e-8, 1.0, log=True)
 LAGS = Range(0.05, 50.0, log=True)  # s
 ONE_SAMPLE, A_TIME = "one sample", "time"
@@ -52,8 +59,7 @@ def space(settings: Settings, seeds: list[int]) -> dict[str, Sequence[Value] | R
     return {
         "inputs": list(INPUTS),
         "neurons": settings.neurons,
-        "regularisation": ["bayesian", "early-stopping", "l2"],
-        "closed_form": ["bayesian", "l2"],
+        **WAYS,
         "weight": WEIGHTS,
         "lag": [ONE_SAMPLE, A_TIME],
         "lag_s": LAGS,
@@ -72,11 +78,13 @@ def conditions(differenced: bool) -> dict[str, Any]:
         return row.lagged or (row.rate and differenced)
 
     def l2(chosen: Mapping[str, Any]) -> bool:
-        return "l2" in (chosen.get("regularisation"), chosen.get("closed_form"))
+        return chosen[way_of(chosen["inputs"])] == "l2"
+
+    def trained(way: str) -> Callable[[Mapping[str, Any]], bool]:
+        return lambda chosen: way_of(chosen["inputs"]) == way
 
     return {
-        "regularisation": lambda c: not architecture_of(c["inputs"]).radial,
-        "closed_form": lambda c: architecture_of(c["inputs"]).radial,
+        **{way: trained(way) for way in WAYS},
         "weight": l2,
         # A filter of one sample would be no filter.
         "lag": lambda c: lagged(c) and not _filtered(c["inputs"]),
@@ -85,21 +93,59 @@ def conditions(differenced: bool) -> dict[str, Any]:
     }
 
 
+def way_of(inputs: str) -> str:
+    """Which of `WAYS` networks of these inputs have."""
+    row = architecture_of(inputs)
+    if row.radial:
+        return "closed_form"
+    return "by_gradient" if row.recurrent else "regularisation"
+
+
 def opening(settings: Settings) -> list[dict[str, Value]]:
-    """What every search begins with: each architecture, as published where it was."""
+    """What a search begins with: each architecture, as published where it was."""
     counts = sorted({c for c in FIRST if c in settings.neurons} or settings.neurons[:1])
     return [
         {
             "inputs": name,
             "neurons": count,
-            ("closed_form" if row.radial else "regularisation"): "bayesian",
+            way_of(name): WAYS[way_of(name)][0],
             "lag": ONE_SAMPLE,
             "lag_s": 1.0,
         }
         for count in counts
         for name in INPUTS
-        for row in [architecture_of(name)]
     ]
+
+
+def tabulated(settings: Settings) -> list[dict[str, Value]]:
+    """All that the thesis tabulates: inputs of Table 6.3, neurons, two ways of
+    regularisation; lags are one sample."""
+    return [
+        {"inputs": name, "neurons": count, "regularisation": how, "lag": ONE_SAMPLE}
+        for name in PUBLISHED
+        for how in ("bayesian", "early-stopping")
+        for count in settings.neurons
+    ]
+
+
+# Samplers, and the trials each begins with; a grid has no others, and none stops early.
+FIRST_OF = {"tpe": opening, "nsga2": opening, "grid": tabulated}
+ALL_GIVEN = ("grid",)
+
+
+def trials_of(sampler: str, asked: int | None, usual: int) -> int:
+    """How many trials to draw; raises `InputError` for what cannot be asked for."""
+    one_of("sampler", sampler, FIRST_OF)
+    if asked is None:
+        return usual
+    if sampler in ALL_GIVEN:
+        raise InputError(
+            f"trials is {asked}; a {sampler} has as many as it has points, so leave "
+            "out --trials"
+        )
+    if asked < 1:
+        raise InputError(f"trials is {asked}; at least 1 is needed")
+    return asked
 
 
 def _filtered(inputs: str) -> bool:
@@ -114,7 +160,7 @@ def configuration(parameters: Mapping[str, Any]) -> dict[str, Any]:
     ...                "weight": 0.1, "lag": "one sample"})
     {'inputs': 'FFRI2', 'neurons': 3, 'regularisation': 'l2=0.1', 'lag_s': None}
     """
-    how = parameters.get("regularisation") or parameters["closed_form"]
+    how = parameters[way_of(parameters["inputs"])]
     found = {
         "inputs": parameters["inputs"],
         "neurons": parameters["neurons"],
@@ -131,14 +177,15 @@ Ahead = Sequence[tuple[float, Sequence[float]]]
 
 
 class Judge:
-    """Trials of one material; used as a context.
+    """Trials of one material; used as a context. `stops`: random folds may stop early.
 
     Each is in a process of its own where the search is this process's alone; where
     others are on it too, and have cores of their own, trials are in this process.
     """
 
-    def __init__(self, trainer: Trainer, places: Places) -> None:
+    def __init__(self, trainer: Trainer, places: Places, stops: bool = True) -> None:
         self.trainer, self.unseen = trainer, unseen_split(trainer)
+        self.stops = stops
         self._alone = places.storage.startswith("sqlite")
         self._stack = ExitStack()
         self._pool: Executor | None = None
@@ -156,7 +203,8 @@ class Judge:
         self, parameters: Mapping[str, Any], done: Sequence[Finished]
     ) -> Future[Result]:
         """A trial whose random folds stop when they are plainly not needed."""
-        ahead = [(t.values[1], t.result["nrmse"]) for t in front(done)]
+        found = front(done) if self.stops else []
+        ahead = [(t.values[1], t.result["nrmse"]) for t in found]
         chosen = configuration(parameters)
         for other in done:  # the sampler may ask for the same again
             if other.result["configuration"] == chosen:

@@ -100,10 +100,10 @@ def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> I
 def stepped(model: StoredNetwork) -> Architecture:
     """The inputs of a network; `InputError` for those that no export can make."""
     row = architecture_of(model.architecture)
-    if row.feedback or row.radial:
+    if row.feedback or row.radial or row.recurrent:
         raise InputError(
             f"a network of inputs {model.architecture} cannot be exported: no C is "
-            "written for stress fed back, nor for Gaussian units"
+            "written for stress fed back, nor for Gaussian or recurrent units"
         )
     return row
 

@@ -23,7 +23,12 @@ from softnn.neural.inputs import (
     samples,
 )
 from softnn.neural.levenberg import Settings
-from softnn.neural.network import BoundedNetwork, Network, Scaling
+from softnn.neural.network import (
+    BoundedNetwork,
+    Network,
+    RecurrentNetwork,
+    Scaling,
+)
 from softnn.neural.stored import StoredNetwork
 from softnn.neural.training import Regularisation, Trained, train
 
@@ -36,6 +41,7 @@ __all__ = [
     "Architecture",
     "BoundedNetwork",
     "Network",
+    "RecurrentNetwork",
     "Regularisation",
     "Samples",
     "Scaling",

@@ -13,6 +13,7 @@ from softnn.neural.inputs import Samples, architecture_of, columns
 from softnn.neural.levenberg import DEFAULTS, Settings
 from softnn.neural.network import Network
 from softnn.neural.radial import train_radial
+from softnn.neural.recurrent import train_gated
 from softnn.neural.training import BAYESIAN, Regularisation, Trained, train
 from softnn.recording import Recording
 
@@ -29,12 +30,22 @@ def fit_samples(
     starts: int = 1,
     threads: int | None = None,
 ) -> list[Trained]:
-    """Networks on rows of samples, tanh or Gaussian units (one start); see `train`."""
+    """Networks on rows of samples; see `train`. Units that are not tanh: one start."""
     row = architecture_of(architecture)
     if row.radial:
         return train_radial(
             known.inputs,
             known.target,
+            neurons=neurons,
+            train_mask=train_mask,
+            seeds=seeds,
+            regularisation=regularisation,
+        )
+    if row.recurrent:
+        return train_gated(
+            known.inputs,
+            known.target,
+            known.recording,
             neurons=neurons,
             train_mask=train_mask,
             seeds=seeds,
@@ -64,7 +75,7 @@ def run(
     """Stress (n,) of each recording, MPa, from its strain and time alone.
 
     A network that is fed its stress back gets its own, from zero on; nan where strain
-    is missing (and, with feedback, after it).
+    is missing (and after it, where there is feedback or a memory).
     """
     rows = [columns(r, architecture, lag_s) for r in recordings]
     if not architecture_of(architecture).feedback:

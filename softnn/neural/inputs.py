@@ -9,7 +9,12 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.neural.history import at_lag, earlier, filtered, largest
-from softnn.neural.network import BoundedNetwork, Network, RadialNetwork
+from softnn.neural.network import (
+    BoundedNetwork,
+    Network,
+    RadialNetwork,
+    RecurrentNetwork,
+)
 from softnn.recording import Recording
 
 
@@ -20,7 +25,8 @@ class Architecture:
     Strain at each of `lags` (in units of the lag time), the strain rate, the largest
     strain so far, strain behind filters of `filters` lag times, strain of the springs
     of Maxwell branches of `branches` lag times, the stress of a lag ago. `radial`:
-    Gaussian units in place of tanh; `bounded`: see `BoundedNetwork`.
+    Gaussian units in place of tanh; `recurrent`: gated ones, which go from sample to
+    sample; `bounded`: see `BoundedNetwork`.
     """
 
     lags: tuple[int, ...]
@@ -30,6 +36,7 @@ class Architecture:
     branches: tuple[int, ...] = ()
     feedback: bool = False
     radial: bool = False
+    recurrent: bool = False
     bounded: bool = False
 
     @property
@@ -57,6 +64,8 @@ class Architecture:
         """What a network of these inputs is."""
         if self.radial:
             return RadialNetwork
+        if self.recurrent:
+            return RecurrentNetwork
         return BoundedNetwork if self.bounded else Network
 
 
@@ -69,6 +78,7 @@ ARCHITECTURES = {
     "FFRD4S": Architecture(lags=(0,), rate=True, feedback=True),  # section 6.4.1
     "FFH4": Architecture(lags=(0,), largest=True, filters=(1, 10)),  # section 8.3
     "RBF": Architecture(lags=(0,), rate=True, radial=True),  # section 8.3
+    "GRU": Architecture(lags=(0,), rate=True, recurrent=True),
 }
 # Made for histories, so not among those that are compared on tensile tests.
 HISTORIES = {

@@ -54,6 +54,13 @@ class Network:
         layer = self.layer(inputs)
         return self.target.undo(layer @ self.output[:-1] + self.output[-1])
 
+    def at(self, asked: np.ndarray, inputs: Array, recording: np.ndarray) -> Array:
+        """Stress of the samples in `asked` (n,); `recording` (n,) says whose they are.
+
+        inputs (n, d) are those of all samples: a network with a memory needs them.
+        """
+        return self.predict(inputs[asked])
+
     def layer(self, inputs: Array) -> Array:
         """What the hidden neurons say (n, s) to inputs (n, d) in their own units."""
         x = self.inputs.apply(np.asarray(inputs, float))
@@ -109,6 +116,67 @@ class RadialNetwork(Network):
         x = self.inputs.apply(np.asarray(inputs, float))
         away = x[:, None, :] - self.hidden[None, :, :-1]
         return np.exp(-0.5 * (away**2).sum(axis=2) / self.hidden[:, -1] ** 2)
+
+
+@dataclass(frozen=True)
+class RecurrentNetwork(Network):
+    r"""Gated recurrent units from sample to sample, and a linear output.
+
+    .. math:: r_i, z_i = s(W_{r,z} x_i + U_{r,z} h_{i-1}), \quad
+              n_i = \tanh(W_n x_i + r_i U_n h_{i-1}), \quad
+              h_i = z_i h_{i-1} + (1 - z_i) n_i
+
+    hidden (s, d + 1): W_n and, last, its bias; gates (2 s, d + 1): those of r and z;
+    past (3 s, s): U of r, z and n. A recording begins at h = 0; inputs are samples of
+    one recording, in order. Cho et al. (2014), doi:10.3115/v1/D14-1179.
+    """
+
+    gates: Array
+    past: Array
+
+    def at(self, asked: np.ndarray, inputs: Array, recording: np.ndarray) -> Array:
+        out = np.empty(len(inputs))
+        for one in np.unique(recording[asked]):
+            mine = recording == one
+            out[mine] = self.predict(inputs[mine])
+        return out[asked]
+
+    def layer(self, inputs: Array) -> Array:
+        x = self.inputs.apply(np.asarray(inputs, float))
+        weights = np.concatenate([self.gates, self.hidden])
+        driven = x @ weights[:, :-1].T + weights[:, -1]
+        size = len(self.hidden)
+        state, states = np.zeros(size), np.empty((len(x), size))
+        for i, now in enumerate(driven):
+            before = self.past @ state
+            reset, keep = np.split(
+                1 / (1 + np.exp(-now[: 2 * size] - before[: 2 * size])), 2
+            )
+            new = np.tanh(now[2 * size :] + reset * before[2 * size :])
+            state = states[i] = keep * state + (1 - keep) * new
+        return states
+
+    def to_dict(self) -> dict[str, Any]:
+        memory = {"gates": self.gates.tolist(), "past": self.past.tolist()}
+        return super().to_dict() | memory
+
+    @classmethod
+    def from_dict(cls, given: Mapping[str, Any]) -> Self:
+        plain = Network.from_dict(given)
+        try:
+            gates, past = (np.asarray(given[k], float) for k in ("gates", "past"))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"not a recurrent network: {error!r}") from None
+        size, width = plain.hidden.shape
+        wanted = (2 * size, width), (3 * size, size)
+        if (gates.shape, past.shape) != wanted or not (
+            np.isfinite(gates).all() and np.isfinite(past).all()
+        ):
+            raise InputError(
+                f"not a recurrent network: gates {gates.shape}, past {past.shape}; "
+                f"needed {wanted[0]}, {wanted[1]}, all finite"
+            )
+        return cls(**vars(plain), gates=gates, past=past)
 
 
 @dataclass(frozen=True)

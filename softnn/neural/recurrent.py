@@ -1,51 +1,252 @@
-r"""A small recurrent network: what it knows of the past it has to learn to keep.
+"""A small recurrent network: what it knows of the past it has to learn to keep.
 
-.. math:: h_i = \mathrm{GRU}(\varepsilon_i, h_{i-1}), \quad \sigma_i = w h_i + b
-
-Gated recurrent units (Cho et al. 2014, doi:10.3115/v1/D14-1179) over strain at equal
-steps of time: another step is another network, so histories are first brought to it.
+`train_gated` takes samples as they are, as other networks do: another sampling is
+another network, as it is with a lag of one sample. `train_recurrent` brings histories
+to equal steps of time first.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from softnn.contracts import Array, InputError
-from softnn.neural.network import Scaling
+from softnn.neural.network import RecurrentNetwork, Scaling
+from softnn.neural.training import VALIDATION_SHARE, Regularisation, Trained
 from softnn.recording import Recording
 
-RATE = 0.02  # of Adam, at first; it falls to nothing along a cosine
-MOST_NORM = 1.0  # of a gradient
+EPOCHS = 200
+RATE = 0.05  # of Adam, at first; it falls to nothing along a cosine
+KEEP = 1.0  # added to what keeps the past, at first (Jozefowicz et al. 2015, ICML)
+MOST_NORM = 1.0  # of the gradient of a network
+
+
+def train_gated(
+    inputs: Array,
+    target: Array,
+    recording: np.ndarray,
+    *,
+    neurons: Sequence[int],
+    train_mask: np.ndarray,
+    seeds: Sequence[int],
+    regularisation: Regularisation,
+    epochs: int = EPOCHS,
+) -> list[Trained]:
+    """As `softnn.neural.train`, for gated recurrent units; raises `InputError`.
+
+    `recording` (n,) says whose the samples are, which stand in order. A network goes
+    through all samples of every recording, those it does not train on too: of these it
+    sees the inputs and never the target. Networks of one size are trained side by side
+    by Adam on all samples. Early stopping keeps the weights of the epoch that was best
+    on a share of the training samples. There is no Bayesian regularisation: each step
+    of Levenberg and Marquardt needs derivatives by all weights along all recordings.
+    """
+    if regularisation.kind == "bayesian":
+        raise InputError(
+            "regularisation is bayesian; recurrent units are trained by gradients "
+            "alone, so allowed is early-stopping or l2=WEIGHT"
+        )
+    jobs = [
+        _job(
+            inputs, target, np.flatnonzero(mask), int(count), int(seed), regularisation
+        )
+        for count, mask, seed in zip(neurons, train_mask, seeds, strict=True)
+    ]
+    place = _places(recording)
+    groups = [
+        [i for i, job in enumerate(jobs) if job.neurons == count]
+        for count in sorted({job.neurons for job in jobs})
+    ]
+
+    def run(group: list[int]) -> list[Trained]:
+        chosen = [jobs[i] for i in group]
+        return _train(chosen, inputs, target, place, regularisation.weight, epochs)
+
+    # Torch's own threads only wait for each other inside products as small as these.
+    with ThreadPoolExecutor(1, initializer=torch.set_num_threads, initargs=(1,)) as one:
+        done = list(one.map(run, groups))
+    found = {
+        i: trained
+        for group, several in zip(groups, done, strict=True)
+        for i, trained in zip(group, several, strict=True)
+    }
+    return [found[i] for i in range(len(jobs))]
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A network to be: samples it learns from, those that say when to stop, weights."""
+
+    neurons: int
+    learns: np.ndarray
+    checks: np.ndarray
+    x: Scaling
+    y: Scaling
+    start: list[Array]
+
+    @property
+    def parameters(self) -> int:
+        return sum(weights.size for weights in self.start)
+
+
+def _job(
+    inputs: Array,
+    target: Array,
+    rows: np.ndarray,
+    count: int,
+    seed: int,
+    how: Regularisation,
+) -> _Job:
+    if count < 1 or len(rows) < 2:
+        raise InputError(
+            f"{count} recurrent units, {len(rows)} samples to learn from; needed are 1 "
+            "and 2 at least"
+        )
+    rng = np.random.default_rng([seed, count])
+    scales = Scaling.of(inputs[rows]), Scaling.of(target[rows])
+    checks = rows[:0]
+    if how.kind == "early-stopping":
+        mixed = rng.permutation(rows)
+        cut = max(1, round(VALIDATION_SHARE * len(rows)))
+        checks, rows = mixed[:cut], mixed[cut:]
+    # W of the inputs and a constant, U of the past, output of the units and a constant.
+    wide = 3 * count
+    shapes = (inputs.shape[1] + 1, wide), (count, wide), (count + 1, 1)
+    start = [rng.uniform(-1, 1, shape) / np.sqrt(count) for shape in shapes]
+    start[0][-1, count : 2 * count] += KEEP
+    return _Job(count, rows, checks, *scales, start)
+
+
+def _places(recording: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Step (n,) and row (n,) of samples whose recordings are run side by side."""
+    _, row, length = np.unique(recording, return_inverse=True, return_counts=True)
+    return np.arange(len(row)) - (np.cumsum(length) - length)[row], row
+
+
+def _train(
+    jobs: list[_Job],
+    inputs: Array,
+    target: Array,
+    place: tuple[np.ndarray, np.ndarray],
+    decay: float,
+    epochs: int,
+) -> list[Trained]:
+    began = time.perf_counter()
+    step, row = place
+    shape = len(jobs), step.max() + 1, row.max() + 1  # shorter recordings end earlier
+    x = torch.zeros(*shape, inputs.shape[1] + 1, dtype=torch.float64)
+    y, learns, checks = (torch.zeros(shape, dtype=torch.float64) for _ in range(3))
+    for i, job in enumerate(jobs):
+        scaled = np.column_stack([job.x.apply(inputs), np.ones(len(step))])
+        x[i, step, row] = torch.from_numpy(scaled)
+        for weight, rows in ((learns, job.learns), (checks, job.checks)):
+            weight[i, step[rows], row[rows]] = 1 / max(1, len(rows))
+            y[i, step[rows], row[rows]] = torch.from_numpy(job.y.apply(target[rows]))
+    stopping = len(jobs[0].checks) > 0
+    free = [
+        torch.from_numpy(np.stack(each)).requires_grad_()
+        for each in zip(*(job.start for job in jobs), strict=True)
+    ]
+    best = [p.detach().clone() for p in free]
+    least = torch.full((len(jobs),), torch.inf, dtype=x.dtype)
+    when = torch.full((len(jobs),), epochs)
+    adam = torch.optim.Adam(free, lr=RATE)
+    slower = torch.optim.lr_scheduler.CosineAnnealingLR(adam, epochs)
+    for epoch in range(epochs):
+        adam.zero_grad()
+        square = (_said(x, free) - y).square()
+        if stopping:
+            far = (checks * square.detach()).flatten(1).sum(dim=1)
+            better = far < least
+            least, when[better] = torch.minimum(least, far), epoch
+            for kept, p in zip(best, free, strict=True):
+                kept[better] = p.detach()[better]
+        cost = (learns * square).sum() + decay * sum(p.square().sum() for p in free)
+        cost.backward()
+        _clip(free)
+        adam.step()
+        slower.step()
+    ends = best if stopping else free
+    seconds = (time.perf_counter() - began) / len(jobs)
+    weights = zip(*(p.detach().numpy() for p in ends), strict=True)
+    return [
+        Trained(
+            _network(job, *w),
+            job.neurons,
+            job.parameters,
+            float(job.parameters),
+            decay * len(job.learns),
+            1.0,
+            int(last),
+            "validation error rises" if last < epochs - 1 else "epochs at maximum",
+            seconds,
+        )
+        for job, w, last in zip(jobs, weights, when, strict=True)
+    ]
+
+
+def _said(x: Tensor, free: Sequence[Tensor]) -> Tensor:
+    """Normalised stress (B, steps, rows) of B networks to x (B, steps, rows, d + 1)."""
+    inputs, past, out = free
+    networks, steps, rows, width = x.shape
+    size = past.shape[1]
+    driven = torch.bmm(x.reshape(networks, -1, width), inputs)
+    state, states = x.new_zeros(networks, rows, size), []
+    for now in driven.reshape(networks, steps, rows, 3 * size).unbind(dim=1):
+        before = torch.bmm(state, past)
+        gates = torch.tanh((now[..., : 2 * size] + before[..., : 2 * size]) / 2)
+        reset, keep = ((1 + gates) / 2).chunk(2, dim=2)
+        new = torch.tanh(now[..., 2 * size :] + reset * before[..., 2 * size :])
+        state = new + keep * (state - new)
+        states.append(state)
+    # A product with a vector, or a sum over all samples, is rounded by its company.
+    every = torch.stack(states, dim=1)
+    both = torch.cat([every, torch.ones_like(every[..., :1])], dim=3)
+    return (both * out[:, None, None, :, 0]).sum(dim=3)
+
+
+def _clip(free: Sequence[Tensor]) -> None:
+    """Shorten the gradient of each network that is longer than `MOST_NORM`."""
+    slopes = [p.grad for p in free if p.grad is not None]
+    norm = torch.cat([s.flatten(1) for s in slopes], dim=1).norm(dim=1)
+    for slope in slopes:
+        slope *= (MOST_NORM / norm).clamp(max=1)[:, None, None]
+
+
+def _network(job: _Job, inputs: Array, past: Array, out: Array) -> RecurrentNetwork:
+    gates, new = np.split(inputs.T, [2 * job.neurons])
+    return RecurrentNetwork(
+        new.copy(), out[:, 0].copy(), job.x, job.y, gates.copy(), past.T.copy()
+    )
+
+
+# --- histories at equal steps of time -------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Recurrent:
-    """A trained one: units, time step [s] and scales of strain and stress."""
+    """A trained one on strain at equal steps of time [s]."""
 
-    cell: nn.GRU
-    out: nn.Linear
+    network: RecurrentNetwork
     step_s: float
-    strain: Scaling
-    stress: Scaling
 
     @property
     def parameters(self) -> int:
         """Weights in all."""
-        every = [*self.cell.parameters(), *self.out.parameters()]
-        return sum(p.numel() for p in every)
+        net = self.network
+        return net.hidden.size + net.gates.size + net.past.size + net.output.size
 
     def predict(self, recording: Recording) -> Array:
         """Stress (n,) in MPa of a recording; its own stress is not used."""
         time, strain = _even(recording, recording.strain, self.step_s)
-        x = torch.from_numpy(self.strain.apply(strain))[None, :, None]
-        with torch.no_grad():
-            y = self.out(self.cell(x)[0])[0, :, 0].numpy()
-        return np.interp(recording.time_s, time, self.stress.undo(y))
+        stress = self.network.predict(strain[:, None])
+        return np.interp(recording.time_s, time, stress)
 
 
 def train_recurrent(
@@ -65,31 +266,21 @@ def train_recurrent(
             f"{len(recordings)} recordings, {units} units, {epochs} epochs, a step of "
             f"{step_s} s; all must be above 0"
         )
-    rows = [
-        (_even(r, r.strain, step_s)[1], _even(r, r.stress_MPa, step_s)[1])
-        for r in recordings
-    ]
-    strain, stress = (
-        Scaling.of(np.concatenate([pair[k] for pair in rows])) for k in (0, 1)
+    strain = [_even(r, r.strain, step_s)[1] for r in recordings]
+    stress = [_even(r, r.stress_MPa, step_s)[1] for r in recordings]
+    whose = np.repeat(np.arange(len(strain)), [len(e) for e in strain])
+    (one,) = train_gated(
+        np.concatenate(strain)[:, None],
+        np.concatenate(stress),
+        whose,
+        neurons=[units],
+        train_mask=np.ones((1, len(whose)), bool),
+        seeds=[seed],
+        regularisation=Regularisation("l2"),
+        epochs=epochs,
     )
-    x, y, weight = _stacked([(strain.apply(e), stress.apply(s)) for e, s in rows])
-    generator = torch.random.get_rng_state()
-    torch.manual_seed(seed)
-    cell = nn.GRU(1, units, batch_first=True, dtype=torch.float64)
-    out = nn.Linear(units, 1, dtype=torch.float64)
-    torch.random.set_rng_state(generator)
-    free = [*cell.parameters(), *out.parameters()]
-    adam = torch.optim.Adam(free, lr=RATE)
-    slower = torch.optim.lr_scheduler.CosineAnnealingLR(adam, epochs)
-    for _ in range(epochs):
-        adam.zero_grad()
-        error = out(cell(x)[0])[:, :, 0] - y
-        loss = (weight * error * error).sum() / weight.sum()
-        loss.backward()
-        nn.utils.clip_grad_norm_(free, MOST_NORM)
-        adam.step()
-        slower.step()
-    return Recurrent(cell, out, step_s, strain, stress)
+    assert isinstance(one.network, RecurrentNetwork)
+    return Recurrent(one.network, step_s)
 
 
 def _even(recording: Recording, values: Array, step_s: float) -> tuple[Array, Array]:
@@ -98,16 +289,3 @@ def _even(recording: Recording, values: Array, step_s: float) -> tuple[Array, Ar
     first, last = recording.time_s[0], recording.time_s[-1]
     time = first + step_s * np.arange(int(np.ceil((last - first) / step_s)) + 1)
     return time, np.interp(time, recording.time_s[good], values[good])
-
-
-def _stacked(rows: Sequence[tuple[Array, Array]]) -> tuple[Tensor, Tensor, Tensor]:
-    """x (m, n, 1), y and weight (m, n): shorter histories are filled with weight 0."""
-    most = max(len(e) for e, _ in rows)
-    x, y, weight = (np.zeros((len(rows), most)) for _ in range(3))
-    for i, (e, s) in enumerate(rows):
-        x[i, : len(e)], y[i, : len(e)], weight[i, : len(e)] = e, s, 1
-    return (
-        torch.from_numpy(x)[:, :, None],
-        torch.from_numpy(y),
-        torch.from_numpy(weight),
-    )

@@ -40,6 +40,7 @@ from softnn.search.draws import (
     When,
     distribution,
 )
+from softnn.search.samplers import APART, SAMPLERS
 
 optuna.logging.set_verbosity(optuna.logging.WARNING)
 
@@ -56,7 +57,8 @@ class Search:
     one name are never run again. `storage` is an SQLAlchemy address; missing folders of
     an SQLite file are made.
 
-    `space` declares every parameter: the values it can take, or a `Range`.
+    `space` declares every parameter: the values it can take, or a `Range`. `sampler`,
+    one of `SAMPLERS`, draws the trials of `explore`.
 
     >>> with Search("sqlite://", "square", {"x": [1, 2, 3]}) as search:
     ...     done = list(search.grid(lambda p: ((p["x"] - 2) ** 2, {})))
@@ -75,8 +77,14 @@ class Search:
         objectives: int = 1,
         worker: bool = False,
         heartbeat_s: int = HEARTBEAT_S,
+        sampler: str = "tpe",
     ) -> None:
+        if sampler not in SAMPLERS:
+            raise InputError(
+                f"sampler is {sampler!r}; allowed is {', '.join(SAMPLERS)}"
+            )
         self.name, self.space, self.seed = name, dict(space), seed
+        self.sampler = sampler
         self.storage, self.worker = storage, worker
         self.on_server = not storage.startswith("sqlite")
         if worker and not self.on_server:
@@ -183,7 +191,7 @@ class Search:
         yield from done[:trials]
         for count in range(len(done), trials):
             tpe = optuna.samplers.TPESampler(
-                seed=self.seed + 1_000_003 * count,  # a prime apart: seeds never meet
+                seed=self.seed + APART * count,
                 n_startup_trials=min(8, max(2, trials // 3)),
             )
             yield self._run(Given(fixed, tpe), list(self.space), objective)
@@ -202,9 +210,9 @@ class Search:
         with those that far before it known and no others, whichever ended sooner: so a
         search that was stopped goes on as if it had not been. Parameters are drawn in
         the order of the space; one named in `when` only where its condition holds for
-        those before it. Tree-structured Parzen estimators, multivariate, one for each
-        group of parameters that occur together (Ozaki et al.
-        2022, doi:10.1613/jair.1.13188).
+        those before it, by tree-structured Parzen estimators, multivariate, one for
+        each group of parameters that occur together (Ozaki et al.
+        2022, doi:10.1613/jair.1.13188), or as the search's `sampler` says.
 
         In a database server its workers take part, and order is by who ends first.
         """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -17,11 +16,12 @@ from optuna.distributions import (
 )
 from optuna.trial import TrialState
 
+from softnn.search.samplers import APART, SAMPLERS, genes
+
 if TYPE_CHECKING:
     from softnn.search import Search
 
 Value = int | float | str
-STARTUP = 30  # trials drawn at random before a front is modelled
 # What is minimised, one number or one an objective, and all there is to keep.
 Result = tuple[float | Sequence[float], dict[str, Any]]
 When = Mapping[str, Callable[[Mapping[str, Any]], bool]]
@@ -86,9 +86,9 @@ class Given(optuna.samplers.BaseSampler):
 
 
 class Draws:
-    """Parameters of the trials of `explore`: those of `first`, then by the estimators.
+    """Parameters of the trials of `explore`: those of `first`, then by the sampler.
 
-    The estimators see a study in memory that is given the trials they may know.
+    The sampler sees a study in memory that is given the trials it may know.
     """
 
     def __init__(
@@ -96,6 +96,7 @@ class Draws:
     ) -> None:
         self.space = {n: distribution(v) for n, v in search.space.items()}
         self.first, self.when, self.seed = first, when, search.seed
+        self.by = search.sampler
         self.study = optuna.create_study(directions=search.study.directions)
         self._known = 0
 
@@ -103,11 +104,13 @@ class Draws:
         """Of trial `count`, by what those in `known` say."""
         if count < len(self.first):
             return self._chosen(lambda name: self.first[count][name])
-        for one in known[self._known :]:
-            space = {name: self.space[name] for name in one.parameters}
+        for i, one in enumerate(known[self._known :], self._known):
+            seed = self.seed + APART * i
+            shown = genes(self.by, one.parameters, self.space, self.study, seed)
+            space = {name: self.space[name] for name in shown}
             self.study.add_trial(
                 optuna.trial.create_trial(
-                    params=one.parameters, distributions=space, values=one.values
+                    params=shown, distributions=space, values=one.values
                 )
             )
         self._known = len(known)
@@ -123,14 +126,7 @@ class Draws:
 
     def sampler(self, count: int) -> optuna.samplers.BaseSampler:
         """Of the trial after `count` others."""
-        with warnings.catch_warnings():  # `group` may change; results say the version
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            return optuna.samplers.TPESampler(
-                seed=self.seed + 1_000_003 * count,
-                n_startup_trials=max(STARTUP, len(self.first)),
-                multivariate=True,
-                group=True,
-            )
+        return SAMPLERS[self.by](self.seed + APART * count, len(self.first))
 
     def _chosen(self, value: Callable[[str], Any]) -> dict[str, Any]:
         chosen: dict[str, Any] = {}

@@ -46,7 +46,7 @@ WHAT = {
 
 
 # Parts of softnn.neural that no trial runs: they keep and serve what it trained.
-AFTER = ("estimator", "guard", "recurrent", "served", "stored")
+AFTER = ("estimator", "guard", "served", "stored")
 
 
 class Sweep:
@@ -67,6 +67,7 @@ class Sweep:
         objectives: int = 1,
         trainer: Trainer | None = None,
         code: Sequence[Path] = (),
+        sampler: str = "tpe",
     ) -> None:
         from softnn.tracking import Tracker
 
@@ -79,6 +80,7 @@ class Sweep:
             "material": data.material,
             "space": {k: str(v) for k, v in space.items()},
             "training": asdict(self.trainer.training),
+            "sampler": sampler,
             "data": data.digest,
             "version": softnn.__version__,
         }
@@ -94,6 +96,7 @@ class Sweep:
             fresh=places.fresh,
             objectives=objectives,
             worker=places.worker,
+            sampler=sampler,
         )
         self._tracker: Tracker | None = None
         try:
@@ -113,6 +116,7 @@ class Sweep:
                         "split": settings.split,
                         "regularisation": settings.regularisation,
                         "folds": settings.folds,
+                        "sampler": sampler,
                         "fraction": settings.fraction,
                         "seed": settings.seed,
                     },

@@ -132,7 +132,9 @@ class Trainer:
         """The same for some folds of several splits, all networks in one batch.
 
         A network that is fed its stress back is judged running on its own stress; what
-        it reaches with the measured one is `nrmse_measured`.
+        it reaches with the measured one is `nrmse_measured`. A recurrent one goes
+        through whole recordings: it sees the strain of held-out samples, as others see
+        it in lags and filters, and never their stress; what it says of them is judged.
         """
         chosen = self.chosen(parameters)
         inputs, lag_s = chosen["inputs"], chosen["lag_s"]
@@ -161,7 +163,7 @@ class Trainer:
         inputs, lag_s = chosen["inputs"], chosen["lag_s"]
         predicted = np.full(folds.test.shape, np.nan)
         for row, test, one in zip(predicted, folds.test, trained, strict=True):
-            row[test] = self._held_out(one.network, inputs, lag_s, known.take(test))
+            row[test] = self._held_out(one.network, inputs, lag_s, known, test)
         scores = score(folds, predicted, known.target)
         return {
             "nrmse": scores.nrmse.tolist(),
@@ -179,11 +181,17 @@ class Trainer:
         } | self._measured(inputs, known, folds, trained)
 
     def _held_out(
-        self, network: Network, inputs: str, lag_s: float | None, asked: Samples
+        self,
+        network: Network,
+        inputs: str,
+        lag_s: float | None,
+        known: Samples,
+        test: np.ndarray,
     ) -> np.ndarray:
-        """Stress (n,) at the samples asked for, MPa."""
+        """Stress at the samples held out, MPa."""
         if not architecture_of(inputs).feedback:
-            return network.predict(asked.inputs)
+            return network.at(test, known.inputs, known.recording)
+        asked = known.take(test)
         mine, row = np.unique(asked.recording, return_inverse=True)
         out = run(network, inputs, [self.data.tensile[i] for i in mine], lag_s)
         found = np.empty(len(asked.target))
