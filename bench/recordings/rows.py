@@ -15,7 +15,8 @@ from bench.recordings.groups import Group
 from bench.recordings.sets import Material
 from bench.scoring import Rate
 from softnn.json_file import plain
-from softnn.study.common import code_of, package_files, percent
+from softnn.study.code import running_study
+from softnn.study.common import code_of, made_by, package_files, percent
 
 if TYPE_CHECKING:
     pass
@@ -87,10 +88,16 @@ def version() -> str:
 
 
 def kept(file: Path, bases: Sequence[str], groups: Sequence[Group]) -> dict[str, Any]:
-    """Rows of other bases than `bases` and made faults in an earlier result."""
+    """Rows of other bases than `bases` and made faults in an earlier result.
+
+    Only where it is of the same code.
+    """
     if not file.exists():
         return {"rows": [], "faults": None}
     told = json.loads(file.read_text(encoding="utf-8"))
+    mine = made_by(running_study())
+    if mine and told.get("made_by_code") != mine["made_by_code"]:
+        return {"rows": [], "faults": None}
     names = {f.name for f in fields(Row)}
     here = {(g.set, g.name) for g in groups}
     rows = [
