@@ -24,12 +24,21 @@ from tqdm import tqdm
 
 from bench.hands.forging import forge
 from softnn.contracts import InputError
+from softnn.database import Store
 from softnn.effects import EFFECTS
 from softnn.mismatch import read_case
 from softnn.mismatch.accounts import Search, search, value
 from softnn.mismatch.diagnosis import start
 from softnn.mismatch.posterior import CONSTANTS, Constants, probabilities, table
-from softnn.study.common import RUNS, guarded, parser, results_folder, write_result
+from softnn.study.common import (
+    RUNS,
+    code_of,
+    guarded,
+    package_files,
+    parser,
+    results_folder,
+    write_result,
+)
 from softnn.workers import workers
 
 LEAST = -10.0  # log probability: a truth less likely than this is no lesson
@@ -82,27 +91,20 @@ def suiting(found: Search, true: frozenset[str]) -> frozenset[str]:
     return frozenset(law.form for law in laws if law.id in several)
 
 
-def lessons(folder: Path, jobs: int) -> list[dict[str, Any]]:
-    """The lessons of a folder; those learned before are kept."""
-    kept = RUNS / "calibrate" / folder.resolve().name
-    kept.mkdir(parents=True, exist_ok=True)
-    todo = [
-        c
-        for c in sorted((folder / "cases").iterdir())
-        if not (kept / f"{c.name}.json").exists()
-    ]
-    with workers(jobs) as pool:
+def lessons(folder: Path, jobs: int, fresh: bool) -> list[dict[str, Any]]:
+    """The lessons of a folder; those that this code has learned before are kept."""
+    file = RUNS / "calibrate" / f"{folder.resolve().name}.sqlite"
+    with Store(file, code_of(package_files()), fresh) as store, workers(jobs) as pool:
+        known = store.rows()
         futures = {
-            pool.submit(lesson, c, folder / "truth" / c.name / "truth.json"): c
-            for c in todo
+            pool.submit(lesson, c, folder / "truth" / c.name / "truth.json"): c.name
+            for c in sorted((folder / "cases").iterdir())
+            if c.name not in known
         }
         for future in tqdm(as_completed(futures), total=len(futures), unit="case"):
-            aside = kept / ".aside"
-            aside.write_text(json.dumps(future.result()))
-            aside.replace(kept / f"{futures[future].name}.json")
-    return [
-        one for f in sorted(kept.glob("*.json")) for one in json.loads(f.read_text())
-    ]
+            store.add(futures[future], {"lessons": future.result()})
+        rows = sorted(store.rows().items())
+    return [one for _, row in rows for one in row["lessons"]]
 
 
 def log_probability(one: dict[str, Any], constants: Constants) -> float:
@@ -127,11 +129,13 @@ def fitted(known: Sequence[dict[str, Any]], before: Constants) -> Constants:
     return Constants(*(float(x) for x in np.exp(best.x)))
 
 
-def run(folders: Sequence[Path], jobs: int, rng: np.random.Generator) -> dict[str, Any]:
+def run(
+    folders: Sequence[Path], jobs: int, rng: np.random.Generator, fresh: bool
+) -> dict[str, Any]:
     known = [
         one | {"folder": k}
         for k, folder in enumerate(folders)
-        for one in lessons(folder, jobs)
+        for one in lessons(folder, jobs, fresh)
     ]
     if len(known) < 2:
         raise InputError(f"{len(known)} cases in these folders; at least 2 are needed")
@@ -168,10 +172,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         if a.smoke:
             folders = [RUNS / "smoke" / "lessons"]
             shutil.rmtree(folders[0], ignore_errors=True)
-            shutil.rmtree(RUNS / "calibrate" / "lessons", ignore_errors=True)
             few = {"nulls": 1, "singles": 1, "pairs": 0, "aliens": 0}
             forge(folders[0], seed=a.seed, side="development", **few)
-        result = run(folders, 1 if a.smoke else a.jobs, np.random.default_rng(a.seed))
+        jobs, rng = 1 if a.smoke else a.jobs, np.random.default_rng(a.seed)
+        result = run(folders, jobs, rng, a.smoke)
         print(json.dumps(result, indent=1))
         write_result(
             "calibration",

@@ -11,7 +11,7 @@ from made import STIFFNESS, UNITS, histories, mullins
 
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine
-from softnn.mismatch.accounts import Account, _as_mistakes, search, value
+from softnn.mismatch.accounts import Account, _as_mistakes, _worth, search, value
 from softnn.mismatch.base import Baseline, baseline, scatter, weigh
 from softnn.mismatch.candidates import candidates, expand, names, refine
 from softnn.mismatch.evidence import Weigher
@@ -122,6 +122,20 @@ def test_scales_that_agree_but_for_some_are_mistakes_in_these():
     error = piece.values["error"] - piece.values["error"][0]
     np.testing.assert_allclose(error, MISTAKEN.values["error"], atol=0.01)
     assert value(found) > value(asked[0])
+
+
+def test_a_scale_of_specimens_stays_beside_a_mistake_of_the_same_worth():
+    base = baseline(made([MISTAKEN]), "pl-wiechert")
+    each = scatter(5, [(1,), (3,)], unsaid=True)
+    apart = refine(base.engine, base.fit, each)
+    weighed = Weigher(base.engine, base.fit).weigh(apart, whole=False)
+    (piece,) = apart.guess.pieces
+    wrong = replace(piece, nuisance=False, unsaid=False)
+    mistake = replace(apart, guess=replace(apart.guess, pieces=(wrong,)))
+    alike = replace(weighed, alone=weighed.alone + 5.0)  # the price of an effect
+    both = [Account(apart, weighed), Account(mistake, alike)]
+    assert value(both[0]) == value(both[1])
+    assert {a.effects for a in _worth(both)} == {frozenset(), frozenset({"gain_error"})}
 
 
 @pytest.mark.slow

@@ -45,6 +45,9 @@ def test_features_are_counted():
     assert row == pytest.approx([50, price, 1, 1, np.log(N), 0, 0])
     row = features(Hypothesis(both, True))
     assert row == pytest.approx([70, price, 1, 1, np.log(N), 1, 1])
+    # A scale that is a mistake pays by its prior alone.
+    wrong = features(Hypothesis(account("gain_error", alone=9.0, own=True), False))
+    assert wrong == pytest.approx([9, 0, 1, 0, 0, 0, 0])
     # The scatter between specimens is no effect.
     row = features(Hypothesis(account(beside=5.0), True))
     assert row == pytest.approx([5, 0, 0, 0, 0, 1, 0])

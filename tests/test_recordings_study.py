@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from recordings_made import SPRING, STIFFNESS, triangle
 
-from bench.recordings import groups, predict, reporting, sets, trial
+from bench.recordings import groups, predict, reporting, rows, sets, trial
 from bench.recordings.rows import Row, agreement, met
 from softnn import Recording
 from softnn.database import Store
@@ -21,6 +21,7 @@ from softnn.fit import Guess
 from softnn.mismatch import Case
 from softnn.model_file import to_dict
 from softnn.readers.tidy import data_folder
+from softnn.study.common import made_by
 
 # --- groups and splits ----------------------------------------------------------------
 
@@ -244,3 +245,13 @@ def test_every_set_in_the_folder_is_divided_or_left_out_with_a_reason():
             assert split.fit
             assert split.unseen
             assert not set(split.fit) & set(split.unseen)
+
+
+def test_made_faults_are_carried_on_by_the_same_code_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(rows, "running_study", lambda: "studies.recordings")
+    mine = made_by("studies.recordings")["made_by_code"]
+    file = tmp_path / "recordings.json"
+    for code, kept in ((mine, {"found": 1}), ("0" * 12, None)):
+        told = {"made_by_code": code, "rows": [], "faults": {"found": 1}}
+        file.write_text(json.dumps(told))
+        assert rows.kept(file, [], [])["faults"] == kept

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from bench.scoring import Rate
 from softnn.json_file import plain
 from softnn.study.code import running_study
 from softnn.study.common import code_of, made_by, package_files, percent
-
-if TYPE_CHECKING:
-    pass
 
 MAIN = "pl-wiechert"  # the base that bars and faults are about
 
