@@ -2,8 +2,9 @@
 
 An effect is named when it is in `selected`, whatever its probability; that holds for
 cases of every class. Right is: of one effect or two, those and nothing else; of none,
-`nothing_missing` and no name; of what is on no list ("alien"), no name. A case without
-a diagnosis is wrong. What nobody could see is counted apart (`Truth.seen`).
+`nothing_missing` and no name; of what is on no list ("alien"), no name; of one effect
+beside that ("mixed"), its name alone. A case without a diagnosis is wrong. What nobody
+could see is counted apart (`Truth.seen`).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ SEEN = 40.0  # whitened energy beyond the refitted base; below it nothing is to 
 SURE = 0.9  # a name given this probability or more is asserted
 CLIP = 1e-3  # a probability of 0 that comes true would cost an infinite log score
 NOISE = 1.01  # times the noise, up to which nothing is left to tell anything by
-CLASSES = ("null", "single", "pair", "alien")
+CLASSES = {"null": 0, "single": 1, "pair": 2, "alien": 0, "mixed": 1}  # effects
 AND_MORE, SEVERAL = "it and more", "several"
 ABSENT: dict[str, Any] = {"verdict": "no diagnosis", "selected": [], "mismatch": []}
 
@@ -159,7 +160,7 @@ def part(rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "ranking": {
             **by_class(listed, lambda some: rate(some, leads)),
-            "all": rate(listed, leads),
+            "all": rate([r for r in listed if r["cls"] != "mixed"], leads),
         },
         "naming": by_class(rows, rate),
         "unsure": by_class(rows, lambda some: rate(some, "unsure")),
@@ -181,7 +182,7 @@ def part(rows: Sequence[Row]) -> dict[str, Any]:
 
 def of_effect(effect: str, rows: Sequence[Row]) -> dict[str, Any]:
     """An effect alone: right, first; and whether it is named, beside another too."""
-    single = [r for r in rows if r["effects"] == [effect]]
+    single = [r for r in rows if r["cls"] == "single" and r["effects"] == [effect]]
     some = [r for r in rows if effect in r["effects"]]
     return {
         **rate(single),
@@ -251,7 +252,7 @@ def confusion(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
     """Counts, row by truth (single effects, null, alien), column by what is named."""
     result: dict[str, Counter[str]] = {n: Counter() for n in (*NAMES, "null", "alien")}
     for r in rows:
-        if r["cls"] != "pair":
+        if r["cls"] not in ("pair", "mixed"):
             result["+".join(r["effects"]) or r["cls"]][column(r)] += 1
     return {name: dict(counts) for name, counts in result.items() if counts}
 

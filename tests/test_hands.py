@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from bench.concealed.sealing import read_truth
 from bench.hands import kernels, noises, programmes, softening
 from bench.hands.bases import Base
 from bench.hands.drawing import draw, draw_setup
@@ -288,7 +289,7 @@ def test_rounded_corners_keep_the_first_strain():
 
 
 def test_same_seed_same_files_and_no_hint_in_the_cases(tmp_path: Path):
-    counts = {"nulls": 1, "singles": 2, "pairs": 1, "aliens": 1}
+    counts = {"nulls": 1, "singles": 2, "pairs": 1, "aliens": 1, "mixed": 1}
     for folder in ("a", "b"):
         forge(tmp_path / folder, seed=4, side=HELD_OUT, **counts)
     first = sorted(p for p in (tmp_path / "a").rglob("*") if p.is_file())
@@ -298,6 +299,7 @@ def test_same_seed_same_files_and_no_hint_in_the_cases(tmp_path: Path):
     told = [json.loads(p.read_text()) for p in (tmp_path / "a/truth").rglob("*.json")]
     assert sorted(t["cls"] for t in told) == [
         "alien",
+        "mixed",
         "null",
         "pair",
         "single",
@@ -313,6 +315,19 @@ def test_same_seed_same_files_and_no_hint_in_the_cases(tmp_path: Path):
         assert not [w for w in words if w in text]
     with pytest.raises(FileExistsError, match="new folder"):
         forge(tmp_path / "a", seed=4, side=HELD_OUT, **counts)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_one_effect_beside_a_stranger_is_told_so(side, tmp_path: Path):
+    forge(tmp_path, seed=4, side=side, nulls=0, singles=0, pairs=0, aliens=0, mixed=1)
+    (told,) = (json.loads(p.read_text()) for p in tmp_path.rglob("truth.json"))
+    (effect,), stranger = told["effects"], told["alien"]
+    assert effect in EFFECTS
+    assert stranger in {s.name for s in STRANGERS}
+    assert set(told["laws"]) == {effect, f"alien:{stranger}"}
+    assert min(told["energy_beyond_the_other"].values()) > 0
+    truth = read_truth("a", told)
+    assert (truth.cls, truth.effects) == ("mixed", (effect,))
 
 
 def test_nulls_conceal_nothing():

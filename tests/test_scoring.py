@@ -53,6 +53,9 @@ TABLE = [  # truth, diagnosis, whether right
     (Truth("k", "alien", (), 900), said("unexplained", ranked=PAIR), True),
     (Truth("l", "alien", (), 900), said("explained", "slack", chance=0.6), False),
     (Truth("m", "alien", (), 900), said("explained", "slack"), False),
+    (Truth("n", "mixed", ("slack",), 900), said("partly_explained", "slack"), True),
+    (Truth("o", "mixed", ("slack",), 900), said("explained", *PAIR), False),
+    (Truth("p", "mixed", ("slack",), 900), said("unexplained", ranked=PAIR), False),
 ]
 
 
@@ -70,22 +73,24 @@ def test_a_score_table_counted_by_hand():
     found = scoring.summary([scoring.row(t, d) for t, d, _ in TABLE])
     seen, others = found["visible"], found["others"]
     naming = {"null": (1, 3), "single": (2, 3), "pair": (1, 2), "alien": (1, 3)}
+    naming["mixed"] = (1, 3)
     assert counts(seen["naming"]) == naming
     assert counts(others["naming"]) == {"single": (0, 1), "pair": (0, 1)}
     assert seen["naming"]["pair"]["low"] == scoring.wilson(1, 2)[0]
     # The base is no candidate for a true effect; k, on no list, is not ranked.
-    assert counts(seen["ranking"]) == {"single": (3, 3), "pair": (2, 2), "all": (5, 5)}
+    ranking = {"single": (3, 3), "pair": (2, 2), "mixed": (3, 3), "all": (5, 5)}
+    assert counts(seen["ranking"]) == ranking  # of all, without those beside strangers
     assert counts(others["ranking"])["all"] == (0, 2)
     assert counts(seen["unsure"])["alien"] == (2, 3)
     assert seen["verdict"]["single"] == {"explained": 2, "undetermined": 1}
     slack, inertia = (found["all"]["effects"][e] for e in PAIR)
     assert (slack["right"], slack["of"]) == (2, 4)
-    assert (slack["named"]["right"], slack["named"]["of"]) == (4, 7)
+    assert (slack["named"]["right"], slack["named"]["of"]) == (6, 10)
     assert (inertia["of"], inertia["named"]["right"]) == (0, 2)
     confusion = {"slack": 2, scoring.AND_MORE: 1, "inertia": 1}
     assert found["confusion"]["slack"] == confusion
     assert found["confusion"]["alien"] == {"unexplained": 1, "slack": 2}
-    assert {m["case"] for m in found["misses"]} == set("bcfgijlm")
+    assert {m["case"] for m in found["misses"]} == set("bcfgijlmop")
 
 
 def test_calibration_by_hand():

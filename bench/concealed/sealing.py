@@ -102,11 +102,13 @@ def open_truths(folder: Path, stated: str) -> list[Truth]:
 def read_truth(case: str, told: Mapping[str, Any]) -> Truth:
     """A truth.json; without an energy a case is taken for one that can be seen."""
     effects = told.get("effects", [])
-    number = {"null": 0, "single": 1, "pair": 2, "alien": 0}.get(told.get("cls", ""))
-    if number != len(effects) or not set(effects) <= set(NAMES):
+    if CLASSES.get(told.get("cls", "")) != len(effects) or not set(effects) <= set(
+        NAMES
+    ):
         raise ValueError(
             f"truth of {case}: cls {told.get('cls')!r} with effects {effects}; a "
-            f"{', '.join(CLASSES)} has 0, 1, 2, 0 effects, of {', '.join(NAMES)}"
+            f"{', '.join(CLASSES)} has {', '.join(map(str, CLASSES.values()))} "
+            f"effects, of {', '.join(NAMES)}"
         )
     energy = told.get("energy_after_refit")
     return Truth(

@@ -88,13 +88,13 @@ def answer_of(case: Case, name: str, names: list[str]) -> dict[str, Any]:
             "strength": a,
             "parameters": act.parameters,
         }
-    strange = case.cls == "alien"
+    strange = [law.name for law in case.laws if law.effect == "alien"]
     return {
         "case": name,
         "cls": case.cls,
         "side": case.side,
-        "effects": [] if strange else [law.effect for law in case.laws],
-        "alien": case.laws[0].name if strange else None,
+        "effects": [law.effect for law in case.laws if law.effect != "alien"],
+        "alien": strange[0] if strange else None,
         "laws": laws,
         **case.energies,
         "tries": case.tries,
@@ -146,6 +146,7 @@ def forge(
     singles: int,
     pairs: int,
     aliens: int,
+    mixed: int = 0,
     jobs: int = 1,
 ) -> None:
     """Write the cases of a seed and a side; their names are shuffled."""
@@ -153,7 +154,7 @@ def forge(
         raise ValueError(f"side must be one of {SIDES}; got {side!r}")
     if (out / "cases").exists() or (out / "truth").exists():
         raise FileExistsError(f"{out} holds cases already; forge into a new folder")
-    counts = dict(zip(CLASSES, (nulls, singles, pairs, aliens), strict=True))
+    counts = dict(zip(CLASSES, (nulls, singles, pairs, aliens, mixed), strict=True))
     wanted = [(i, cls) for cls, n in counts.items() for i in range(n)]
     order = np.random.default_rng([seed, SIDES.index(side), 99]).permutation(
         len(wanted)

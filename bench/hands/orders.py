@@ -28,7 +28,7 @@ LAWS = (
     *sensing.LAWS,
 )
 STRANGERS = (*strangers.STRANGERS, *strange_machines.STRANGERS)
-CLASSES = ("null", "single", "pair", "alien")
+CLASSES = ("null", "single", "pair", "alien", "mixed")  # last: one beside a stranger
 
 USUAL = ("pl-wiechert",) * 7 + ("wiechert", "pl-sls", "sls")
 _FLOW = ("pl-wiechert",) * 6 + ("wiechert", "pl-sls", "sls")
@@ -74,16 +74,16 @@ def ordered(seed: int, index: int, cls: str, side: str) -> tuple[Law, ...]:
     turn = np.random.default_rng([seed, 77, SIDES.index(side)])
     effects, pairs = turn.permutation(EFFECTS), turn.permutation(len(pairs_of()))
     starts = turn.integers(0, 60, 64)
-    if cls == "alien":
+    chosen = []
+    if cls in ("alien", "mixed"):
         kinds = [law for law in STRANGERS if law.side == side]
-        return (kinds[(index + int(starts[60])) % len(kinds)],)
-    if cls == "single":
+        chosen = [kinds[(index + int(starts[60])) % len(kinds)]]
+    if cls in ("single", "mixed"):
         names = [str(effects[index % len(EFFECTS)])]
     elif cls == "pair":
         names = list(pairs_of()[pairs[index % len(pairs)]])
     else:
         names = []
-    chosen = []
     for name in names:
         laws = laws_of(name, side)
         start = int(starts[EFFECTS.index(name)])

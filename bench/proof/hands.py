@@ -23,6 +23,7 @@ CLASS_NAMES = {
     "single": "one effect",
     "pair": "two effects",
     "alien": "on no list",
+    "mixed": "one beside that",
 }
 
 

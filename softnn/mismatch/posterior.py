@@ -1,9 +1,11 @@
 r"""One posterior over all that was tried: which effects, if any, and what else.
 
-A hypothesis is a set of effects, alone or beside something that is on no list; the
-empty set alone is *nothing is missing*. Its value v is its log evidence less `number`
-log n / 2 for each number of its own. Every law is only nearly right, so that a value is
-wrong by an error with heavy tails, and by more where it explains more:
+A hypothesis is a set of effects, or something on no list, or that nothing is missing.
+Beside effects there may be something on no list, too: their evidence is that of both
+cases together, the second `both` nats less likely. The value v of a hypothesis is its
+log evidence less `number` log n / 2 for each number of its own. Every law is only
+nearly right, so that a value is wrong by an error with heavy tails, and by more where
+it explains more:
 
 .. math:: P(S) \propto e^{-\pi(S) - h(z)}, \quad
           z = \frac{v_{max} - v(S)}{1 + s + r\sqrt{g(S)}}, \quad
@@ -39,16 +41,16 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 1.513  # k
-    noise: float = 6.614  # k of nothing
-    number: float = 0.58  # of (log n) / 2, the price of a number
-    error: float = 0.0925  # s
-    share: float = 0.0552  # r, of the root of what effects gain
-    first: float = 4.587  # cost of any effect, nats
-    more: float = 3.003  # of each further one
-    own: float = 0.034  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.205  # of something on no list
-    both: float = 8.347  # of that beside effects
+    tail: float = 1.444  # k
+    noise: float = 6.871  # k of nothing
+    number: float = 0.557  # of (log n) / 2, the price of a number
+    error: float = 0.0971  # s
+    share: float = 0.0503  # r, of the root of what effects gain
+    first: float = 4.577  # cost of any effect, nats
+    more: float = 3.192  # of each further one
+    own: float = 0.0359  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.333  # of something on no list
+    both: float = 6.237  # of that beside effects, in their evidence
 
 
 CONSTANTS = Constants()
@@ -56,26 +58,21 @@ CONSTANTS = Constants()
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A set of effects, and whether there is something else beside them."""
+    """A set of effects; or none, and either nothing or something on no list."""
 
     account: Account
-    other: bool
+    other: bool = False
 
     @property
     def effects(self) -> frozenset[str]:
         return self.account.effects
-
-    @property
-    def evidence(self) -> float:
-        own = self.account.evidence
-        return own.beside if self.other else own.alone
 
 
 def features(hypothesis: Hypothesis) -> Array:
     """What the constants weigh (7,): evidence, price of the numbers, counts."""
     account, count = hypothesis.account, len(hypothesis.effects)
     one = 0.5 * np.log(len(account.fit.residual))
-    pieces = account.fit.guess.pieces
+    evidence, pieces = account.evidence, account.fit.guess.pieces
     own = sum(
         s.piece >= 0
         and s.recordings is not None
@@ -84,28 +81,36 @@ def features(hypothesis: Hypothesis) -> Array:
     )
     return np.array(
         [
-            hypothesis.evidence,
-            account.evidence.numbers * one,
+            evidence.beside if hypothesis.other else evidence.alone,
+            evidence.beside,
+            evidence.numbers * one,
             float(count > 0),
             max(count - 1, 0),
             own * one,
             hypothesis.other,
-            hypothesis.other and count > 0,
         ],
         float,
     )
 
 
+def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
+    """Of hypotheses, and how much of it is of something else beside their effects."""
+    alone, some = table[:, 0], table[:, 3] > 0
+    beside = np.where(some, table[:, 1] - constants.both, -np.inf)
+    both = np.logaddexp(alone, beside)
+    return both, np.exp(beside - both)
+
+
 def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
     """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
     k = constants
-    gain = table[:, 0] - k.number * table[:, 1]
-    own = np.where(table[:, 2] > 0, np.maximum(gain - gain[0], 0.0), 0.0)
+    gain = _evidence(table, k)[0] - k.number * table[:, 2]
+    own = np.where(table[:, 3] > 0, np.maximum(gain - gain[0], 0.0), 0.0)
     behind = (gain.max() - gain) / (1 + k.error + k.share * np.sqrt(own))
     tail = np.where(np.arange(len(gain)) == 0, k.noise, k.tail)
     far = tail * (1 + np.log(np.maximum(behind, tail) / tail))
-    costs = np.array([k.first, k.more, k.own, k.other, k.both])
-    log = -np.where(behind < tail, behind, far) - table[:, 2:] @ costs
+    costs = np.array([k.first, k.more, k.own, k.other])
+    log = -np.where(behind < tail, behind, far) - table[:, 3:] @ costs
     weight = np.exp(log - log.max())
     return np.asarray(weight / weight.sum())
 
@@ -116,6 +121,7 @@ class Posterior:
 
     hypotheses: tuple[Hypothesis, ...]
     probability: Array
+    beside: Array  # of something else beside the effects of each, if they are there
 
     @cached_property
     def effects(self) -> dict[str, float]:
@@ -133,13 +139,12 @@ class Posterior:
     @cached_property
     def other(self) -> float:
         """Probability of something that is on no list, alone or beside effects."""
-        them = [h.other for h in self.hypotheses]
-        return float(self.probability[them].sum())
+        return self.nothing_named + float(self.probability @ self.beside)
 
     @property
     def nothing_named(self) -> float:
         """Probability that what is missing is on no list."""
-        them = [h.other and not h.effects for h in self.hypotheses]
+        them = [h.other for h in self.hypotheses]
         return float(self.probability[them].sum())
 
     @cached_property
@@ -163,6 +168,11 @@ class Posterior:
         ranked = sorted(total.items(), key=lambda item: -item[1])
         return [(s, p) for s, p in ranked if p >= LIKELY * ranked[0][1]]
 
+    def readings(self) -> list[Account]:
+        """The accounts of these sets."""
+        shared = [s for s, _ in self.ways()]
+        return [h.account for h in self.hypotheses if h.effects in shared]
+
     def instead(self, name: str) -> list[str]:
         """Effects that stand in the place of one of the selected in other readings."""
         rest = self.selected - {name}
@@ -173,23 +183,27 @@ class Posterior:
         ]
 
 
-def table(accounts: Sequence[Account]) -> list[tuple[Hypothesis, Array]]:
+def table(
+    accounts: Sequence[Account], constants: Constants = CONSTANTS
+) -> list[tuple[Hypothesis, Array]]:
     """Hypotheses with their features: of each set of effects the best form."""
-    best: dict[tuple[frozenset[str], bool], tuple[Hypothesis, Array]] = {}
-    for account in accounts:
-        for other in (False, True):
-            one = Hypothesis(account, other)
-            row = features(one)
-            key = one.effects, other
-            if key not in best or row[0] - row[1] > best[key][1][0] - best[key][1][1]:
-                best[key] = one, row
-    return list(best.values())
+    every = [Hypothesis(a) for a in accounts]
+    every += [Hypothesis(a, True) for a in accounts if not a.effects]
+    rows = np.array([features(one) for one in every])
+    worth = _evidence(rows, constants)[0] - rows[:, 2]
+    best: dict[tuple[frozenset[str], bool], int] = {}
+    for i, one in enumerate(every):
+        key = one.effects, one.other
+        if key not in best or worth[i] > worth[best[key]]:
+            best[key] = i
+    return [(every[i], rows[i]) for i in best.values()]
 
 
 def posterior(
     accounts: Sequence[Account], constants: Constants = CONSTANTS
 ) -> Posterior:
     """The posterior over the accounts tried, the first of them the base alone."""
-    rows = table(accounts)
-    p = probabilities(np.array([row for _, row in rows]), constants)
-    return Posterior(tuple(h for h, _ in rows), p)
+    found = table(accounts, constants)
+    rows = np.array([row for _, row in found])
+    p, beside = probabilities(rows, constants), _evidence(rows, constants)[1]
+    return Posterior(tuple(h for h, _ in found), p, beside)

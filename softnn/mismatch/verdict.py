@@ -16,8 +16,10 @@ FEWEST = 30  # samples in all, below which nothing is told apart
 class Told:
     """Verdict and names, and the simulations before and after they are corrected.
 
-    `engine` has the samples of the search, `fine` those of the report; `before` and
-    `after` are fits to the latter, one and the same where nothing is named.
+    `account` is what corrects the simulation: of the readings that share the
+    probability and hold what is named, the one that foretells recordings left out
+    best; else the base alone. `engine` has the samples of the search, `fine` those of
+    the report; `before` and `after` are fits to the latter.
     """
 
     def __init__(self, found: Search) -> None:
@@ -29,14 +31,14 @@ class Told:
         self.heldout_after = verify.heldout(self.engine, self.account.fit)
         self.names = self._names()
         self.verdict = self._verdict()
+        if not (self._corrected() and self.helps):
+            self.account, self.heldout_after = found.accounts[0], self.heldout_before
         self.final = self.account.fit
-        if not self.names:
-            self.final, self.heldout_after = base, self.heldout_before
         self.fine, fixed = self.engine.fine or self.engine, self.base.fixed
         weigh_by(self.fine, found.noise)
         self.before = fit(self.fine, base.guess, fixed_base=fixed, iterations=2)
         self.after = self.before
-        if self.names:
+        if self.account.effects:
             guess = self.final.guess
             self.after = fit(self.fine, guess, fixed_base=fixed, iterations=3)
 
@@ -47,6 +49,18 @@ class Told:
             return []
         pieces = self.account.fit.guess.pieces
         return [p.effect.id for p in pieces if not p.nuisance]
+
+    def _corrected(self) -> bool:
+        """Whether there is a correction; `account` becomes the best there is."""
+        if not self.names and (self.verdict != "undetermined" or not self.tellable):
+            return False
+        tried = [(self.account, self.heldout_after)] if self.names else []
+        for account in self.probable.readings():
+            if account.effects > set(self.names):
+                tried.append((account, verify.heldout(self.engine, account.fit)))
+        if tried:
+            self.account, self.heldout_after = min(tried, key=lambda t: t[1].misfit)
+        return bool(tried)
 
     @property
     def few(self) -> bool:

@@ -42,10 +42,11 @@ def summary(result: dict[str, Any], told: Told) -> str:
         )
     if not told.tellable:
         return "Too little was recorded to tell whether anything is missing."
-    return (
-        "It cannot be told what is missing, or whether anything is: "
-        f"{missed}{_otherwise(told)}"
-    )
+    said = "It cannot be told what is missing, or whether anything is"
+    if probable.nothing <= 1 - SURE:
+        chance = _sure(1 - probable.nothing)
+        said = f"Something is missing ({chance}), but it cannot be told what"
+    return f"{said}: {missed}{_otherwise(told)}{_corrected(result, told)}"
 
 
 def _sure(probability: float) -> str:
@@ -67,6 +68,8 @@ def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
             f"{effect(told.names[0]).where}."
         )
     fit, it = result["fit"], "it" if one else "them"
+    if told.account.effects > set(told.names):  # of readings with it the best
+        it = _effects(sorted(told.account.effects))
     after = fit["after"]["heldout_nrmse"]
     said += f" With {it} {falls} to {percent(after)} (noise {noise})."
     old, least = fit["before"]["heldout_nrmse"] ** 2, fit["noise_nrmse"] ** 2
@@ -92,6 +95,17 @@ def _otherwise(told: Told) -> str:
         for s, p in others
     ]
     return f" {'Or' if told.names else 'Possible:'} {', or '.join(said)}."
+
+
+def _corrected(result: dict[str, Any], told: Told) -> str:
+    """By what the simulation is corrected, where nothing is named."""
+    if not told.account.effects:
+        return ""
+    after = percent(result["fit"]["after"]["heldout_nrmse"])
+    return (
+        f" The model given has {_effects(sorted(told.account.effects))}: of these "
+        f"readings it foretells best ({after})."
+    )
 
 
 def _structure(result: dict[str, Any]) -> str:

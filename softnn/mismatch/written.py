@@ -34,7 +34,7 @@ def diagnosis(
     before, after, probable = told.heldout_before, told.heldout_after, told.probable
     ratio, low, high = verify.ratio_interval(before.errors, after.errors, rng)
     pieces = [(i, p) for i, p in enumerate(told.after.guess.pieces) if not p.nuisance]
-    named = zip(pieces, changes(told.fine, told.after), strict=True)
+    found = list(zip(pieces, changes(told.fine, told.after), strict=True))
     squares = float(np.sum(told.engine.target**2))
     result: dict[str, Any] = {
         "case": case.name,
@@ -47,8 +47,11 @@ def diagnosis(
         "noise": _noise(told, axes),
         "mismatch": _regions(told, axes, rng),
         "explanations": [
-            _explanation(told, axes, i, piece, change) for (i, piece), change in named
+            _explanation(told, axes, i, piece, change)
+            for (i, piece), change in found
+            if piece.effect.id in told.names
         ],
+        "corrected_by": sorted(told.account.effects),
         "probabilities": {
             "nothing": round(probable.nothing, 4),
             "on_no_list": round(probable.nothing_named, 4),

@@ -27,7 +27,7 @@ def recordings(found: Found) -> list[dict[str, Any]]:
     """
     names = [r.name for r in found.case.recordings]
     most = int(np.clip(SAMPLES // max(len(names), 1), LEAST, MOST))
-    changed = bool(found.result["selected"])
+    changed = bool(found.result["corrected_by"])
     out = []
     for i, name in enumerate(names):
         time = found.time_s[i]
