@@ -53,7 +53,7 @@ def told(names=("first", "second"), samples=400):
     result = {
         "case": names[0], "data_sha256": "ab", "model": "hooke", "version": 1,
         "verdict": "explained", "summary": "Slack was left out (95 %). And more.",
-        "selected": ["mullins_softening"],
+        "selected": ["mullins_softening"], "corrected_by": ["mullins_softening"],
         "mismatch": [region | {"recording": name} for name in names],
         "explanations": [{
             "effect": "mullins_softening", "stage": "material", "probability": 0.95,
@@ -116,7 +116,7 @@ def test_what_is_drawn_is_what_was_measured():
     np.testing.assert_allclose(first["time"], found.time_s[0] - 5, atol=1e-4)
     np.testing.assert_allclose(first["measured"], found.measured[0], rtol=1e-5)
     assert first["regions"] == [[10.0, 19.0]]
-    found.result["selected"] = []
+    found.result["corrected_by"] = []
     assert recordings(found)[0]["after"] is None
 
 

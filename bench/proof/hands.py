@@ -85,7 +85,7 @@ def naming_figure(trials: Result) -> Figure:
     for i, (label, t) in enumerate(trials.items()):
         naming = t["visible"]["naming"]
         shown = [c for c in CLASSES if c in naming]
-        x = [CLASSES.index(c) + (i + 0.5) * width - 0.4 for c in shown]
+        x = [list(CLASSES).index(c) + (i + 0.5) * width - 0.4 for c in shown]
         rates = [naming[c] for c in shown]
         axes.bar(
             x,

@@ -44,8 +44,8 @@ def summary(result: dict[str, Any], told: Told) -> str:
         return "Too little was recorded to tell whether anything is missing."
     said = "It cannot be told what is missing, or whether anything is"
     if probable.nothing <= 1 - SURE:
-        chance = _sure(1 - probable.nothing)
-        said = f"Something is missing ({chance}), but it cannot be told what"
+        sure = _sure(1 - probable.nothing)
+        said = f"Something is missing ({sure}), but it cannot be told what"
     return f"{said}: {missed}{_otherwise(told)}{_corrected(result, told)}"
 
 
