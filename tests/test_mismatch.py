@@ -9,10 +9,12 @@ from made import STIFFNESS, UNITS, histories, mullins, straight, write_case
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from softnn.effects import effect
-from softnn.mismatch import diagnose, diagnosis, read_case
+from softnn.mismatch import diagnose, diagnosis, read_case, verdict
+from softnn.mismatch.accounts import search
 from softnn.mismatch.base import baseline
 from softnn.mismatch.candidates import ENTRY, expand
 from softnn.mismatch.case import to_data
+from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.screen import Screen
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
@@ -53,6 +55,26 @@ def test_softening_is_named_measured_and_located(tmp_path):
     )
     assert first < 0.05
     assert sum(r["share"] for r in result["mismatch"]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("shared", "corrects"), [(0.45, True), (0.2, False)])
+def test_readings_that_share_the_probability_correct_without_a_name(
+    tmp_path, monkeypatch, shared, corrects
+):
+    # Softening is what foretells the recordings best, friction as likely.
+    found = search(diagnosis.start(read_case(write_case(tmp_path, [mullins()]))))
+    names = (set(), {"friction_hysteresis"}, {"mullins_softening"})
+    tried = [next(a for a in found.accounts if a.effects == n) for n in names]
+    p = np.array([1 - 2 * shared, shared, shared])
+    made = Posterior(tuple(map(Hypothesis, tried)), p, np.zeros(3))
+    monkeypatch.setattr(verdict, "posterior", lambda accounts: made)
+    told = verdict.Told(found)
+    assert told.names == []
+    assert told.verdict == ("undetermined" if corrects else "nothing_missing")
+    assert told.account.effects == (names[2] if corrects else set())
+    better = told.heldout_after.nrmse < 0.6 * told.heldout_before.nrmse
+    assert better == corrects
+    assert (told.after is told.before) != corrects
 
 
 def test_first_loading_alone_does_not_tell_what_is_missing(tmp_path):
