@@ -5,16 +5,14 @@ Beside effects there may be something on no list, too: their evidence is that of
 cases together, the second `both` nats less likely. The value v of a hypothesis is its
 log evidence less `number` log n / 2 for each number of its own. Every law is only
 nearly right, so that a value is wrong by an error with heavy tails, and by more where
-it explains more; and what a set of effects leaves beyond the noise speaks for something
-that no set explains:
+it explains more:
 
-.. math:: P(S) \propto e^{-\pi(S) - h(z)} (1 + l / \sqrt{2 n})^{-\lambda}, \quad
+.. math:: P(S) \propto e^{-\pi(S) - h(z)}, \quad
           z = \frac{v_{max} - v(S)}{1 + s + r\sqrt{g(S)}}, \quad
           h(z) = \begin{cases} z & z \le k \\ k\,(1 + \log(z / k)) & z > k \end{cases}
 
 with g what the effects of the hypothesis gain over nothing: the logarithm of their
-likelihood has a standard deviation of sqrt(2 g); and l the whitened square that they
-leave beyond n, which varies by sqrt(2 n) by itself. For small differences it is the
+likelihood has a standard deviation of sqrt(2 g). For small differences it is the
 likelihood to a power of one at most, the less the more is explained (Miller and Dunson
 2019, doi:10.1080/01621459.2018.1469995); large ones count as a power of themselves
 only, as odds do under an error of Student's kind. k is another for nothing, where no
@@ -43,17 +41,16 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 1.22  # k
-    noise: float = 7.109  # k of nothing
-    number: float = 0.635  # of (log n) / 2, the price of a number
-    error: float = 0.0897  # s
-    share: float = 0.0407  # r, of the root of what effects gain
-    both: float = 13.42  # of something else beside effects, in their evidence
-    first: float = 4.596  # cost of any effect, nats
-    more: float = 3.24  # of each further one
-    own: float = 0.0371  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.583  # of something on no list
-    left: float = 0.708  # lambda
+    tail: float = 1.438  # k
+    noise: float = 7.206  # k of nothing
+    number: float = 0.603  # of (log n) / 2, the price of a number
+    error: float = 0.0931  # s
+    share: float = 0.0309  # r, of the root of what effects gain
+    both: float = 10.51  # of something else beside effects, in their evidence
+    first: float = 5.235  # cost of any effect, nats
+    more: float = 3.277  # of each further one
+    own: float = 0.0378  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.384  # of something on no list
 
 
 CONSTANTS = Constants()
@@ -72,10 +69,9 @@ class Hypothesis:
 
 
 def features(hypothesis: Hypothesis) -> Array:
-    """What the constants weigh (8,): evidence, price of the numbers, counts, rest."""
+    """What the constants weigh (7,): evidence, price of the numbers, counts."""
     account, count = hypothesis.account, len(hypothesis.effects)
-    n = len(account.fit.residual)
-    one, left = 0.5 * np.log(n), max(account.fit.chi2 - n, 0.0) / np.sqrt(2 * n)
+    one = 0.5 * np.log(len(account.fit.residual))
     evidence, pieces = account.evidence, account.fit.guess.pieces
     own = sum(
         s.piece >= 0
@@ -92,7 +88,6 @@ def features(hypothesis: Hypothesis) -> Array:
             max(count - 1, 0),
             own * one,
             hypothesis.other,
-            np.log1p(left) if count else 0.0,
         ],
         float,
     )
@@ -107,14 +102,14 @@ def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
 
 
 def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
-    """Of hypotheses with these `features` (hypotheses, 8), the first of nothing."""
+    """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
     k = constants
     gain = _evidence(table, k)[0] - k.number * table[:, 2]
     own = np.where(table[:, 3] > 0, np.maximum(gain - gain[0], 0.0), 0.0)
     behind = (gain.max() - gain) / (1 + k.error + k.share * np.sqrt(own))
     tail = np.where(np.arange(len(gain)) == 0, k.noise, k.tail)
     far = tail * (1 + np.log(np.maximum(behind, tail) / tail))
-    costs = np.array([k.first, k.more, k.own, k.other, k.left])
+    costs = np.array([k.first, k.more, k.own, k.other])
     log = -np.where(behind < tail, behind, far) - table[:, 3:] @ costs
     weight = np.exp(log - log.max())
     return np.asarray(weight / weight.sum())
