@@ -240,6 +240,7 @@ class Effect(ABC):
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of what looks the same -> what tells them apart
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here
+    unknown: frozenset[str] = frozenset()  # forms that a trial keeps from the search
 
     @property
     def id(self) -> str:
@@ -259,7 +260,8 @@ class Effect(ABC):
     @property
     def forms(self) -> tuple[Effect, ...]:
         """Every law of it that a search may try."""
-        return (self, *self.second_forms)
+        every = (self, *self.second_forms)
+        return tuple(law for law in every if law.form not in self.unknown)
 
     def before(
         self, p: Mapping[str, Array], signal: Signal, state: State

@@ -69,10 +69,14 @@ class Search:
     accounts: list[Account]
 
 
-def search(base: Baseline) -> Search:
-    """All accounts tried, refitted and weighed under the noise that the best leaves."""
+def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
+    """All accounts tried, refitted and weighed under the noise that the best leaves.
+
+    Forms of laws in `unknown` are not tried: so a trial sees what is said of a law that
+    nobody here wrote.
+    """
     engine = base.engine
-    pool = candidates(engine, base.name, base.fixed)
+    pool = candidates(engine, base.name, base.fixed, unknown)
     base.fit, first = _first(base, pool)
     weigher = Weigher(engine, base.fit)
     found = [Account(base.fit, weigher.weigh(base.fit, whole=False))]

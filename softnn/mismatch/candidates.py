@@ -8,6 +8,7 @@ weighs what is found.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -27,18 +28,25 @@ WARM = 0.5  # degC, by which the temperature must change to do anything
 OFF = 3.5  # standard errors, within which an effect of a recording is off
 
 
-def candidates(engine: Engine, base: str, fixed: bool) -> list[Effect]:
-    """Effects that these recordings and this base could show."""
+def candidates(
+    engine: Engine, base: str, fixed: bool, unknown: frozenset[str] = frozenset()
+) -> list[Effect]:
+    """Effects that these recordings and this base could show, but `unknown` forms."""
     warm = all(c.temperature_C is not None for c in engine.chunks)
     warm = warm and engine.data.scales().temperature_C > WARM
     held = held_only(engine)
-    return [
-        effect
-        for effect in EFFECTS
-        if (warm or not effect.needs_temperature)
-        and not (effect.on_return and held)
-        and (fixed or base not in effect.part_of)
-    ]
+    out = []
+    for effect in EFFECTS:
+        if unknown:
+            effect = copy(effect)
+            effect.unknown = unknown
+        if (
+            (warm or not effect.needs_temperature)
+            and not (effect.on_return and held)
+            and (fixed or base not in effect.part_of)
+        ):
+            out.append(effect)
+    return out
 
 
 def names(found: Fit) -> list[str]:
@@ -131,7 +139,8 @@ def shown(engine: Engine, pool: Sequence[Effect]) -> list[Piece]:
     if data.continued:  # what went before is not at rest
         return out
     for law in pool:
-        seen = law.shown(data.chunks, data.stress_MPa)
+        known = law.form not in law.unknown
+        seen = law.shown(data.chunks, data.stress_MPa) if known else None
         if seen is None:
             continue
         piece = start_pieces(engine, law)[0]

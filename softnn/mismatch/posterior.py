@@ -41,16 +41,16 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 1.438  # k
-    noise: float = 7.206  # k of nothing
-    number: float = 0.603  # of (log n) / 2, the price of a number
-    error: float = 0.0931  # s
-    share: float = 0.0309  # r, of the root of what effects gain
-    both: float = 10.51  # of something else beside effects, in their evidence
-    first: float = 5.235  # cost of any effect, nats
-    more: float = 3.277  # of each further one
-    own: float = 0.0378  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.384  # of something on no list
+    tail: float = 1.444  # k
+    noise: float = 6.871  # k of nothing
+    number: float = 0.557  # of (log n) / 2, the price of a number
+    error: float = 0.0971  # s
+    share: float = 0.0503  # r, of the root of what effects gain
+    both: float = 6.237  # of something else beside effects, in their evidence
+    first: float = 4.577  # cost of any effect, nats
+    more: float = 3.192  # of each further one
+    own: float = 0.0359  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.333  # of something on no list
 
 
 CONSTANTS = Constants()
