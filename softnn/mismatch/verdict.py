@@ -16,10 +16,10 @@ FEWEST = 30  # samples in all, below which nothing is told apart
 class Told:
     """Verdict and names, and the simulations before and after they are corrected.
 
-    `account` is what corrects the simulation: what is named; where several readings
-    share the probability, that of them which holds it and foretells recordings left
-    out best; else the base alone. `engine` has the samples of the search, `fine` those
-    of the report; `before` and `after` are fits to the latter.
+    `account` is what corrects the simulation: what is named; where that is not all, of
+    the readings that hold it and share the probability the one that foretells
+    recordings left out best; else the base alone. `engine` has the samples of the
+    search, `fine` those of the report; `before` and `after` are fits to the latter.
     """
 
     def __init__(self, found: Search) -> None:
@@ -52,7 +52,8 @@ class Told:
 
     def _corrected(self) -> bool:
         """Whether there is a correction; `account` becomes the best there is."""
-        if self.verdict != "undetermined" or not self.tellable:
+        open_ = self.verdict in ("undetermined", "partly_explained")
+        if not (open_ and self.tellable):
             return bool(self.names)
         tried = [(self.account, self.heldout_after)] if self.names else []
         for account in self.probable.readings():
