@@ -9,7 +9,7 @@ from made import STIFFNESS, UNITS, histories, mullins, straight, write_case
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from softnn.effects import effect
-from softnn.mismatch import diagnose, diagnosis, read_case, verdict
+from softnn.mismatch import diagnose, diagnosis, read_case, verdict, verify
 from softnn.mismatch.accounts import search
 from softnn.mismatch.base import baseline
 from softnn.mismatch.candidates import ENTRY, expand
@@ -57,24 +57,68 @@ def test_softening_is_named_measured_and_located(tmp_path):
     assert sum(r["share"] for r in result["mismatch"]) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("shared", "corrects"), [(0.45, True), (0.2, False)])
+@pytest.fixture(scope="module")
+def softened(tmp_path_factory):
+    """What a search finds where softening is concealed; accounts by their effects."""
+    folder = write_case(tmp_path_factory.mktemp("soft"), [mullins()])
+    found = search(diagnosis.start(read_case(folder)))
+    return found, {a.effects: a for a in reversed(found.accounts)}
+
+
+def told_of(monkeypatch, found, shares, beside=0.0):
+    """What is told where these accounts share the probability so."""
+    accounts, p = zip(*shares, strict=True)
+    readings = tuple(map(Hypothesis, accounts))
+    made = Posterior(readings, np.array(p), np.full(len(p), beside))
+    monkeypatch.setattr(verdict, "posterior", lambda accounts: made)
+    return verdict.Told(found)
+
+
+@pytest.mark.parametrize(("share", "corrects"), [(0.45, True), (0.2, False)])
 def test_readings_that_share_the_probability_correct_without_a_name(
-    tmp_path, monkeypatch, shared, corrects
+    softened, monkeypatch, share, corrects
 ):
     # Softening is what foretells the recordings best, friction as likely.
-    found = search(diagnosis.start(read_case(write_case(tmp_path, [mullins()]))))
-    names = (set(), {"friction_hysteresis"}, {"mullins_softening"})
-    tried = [next(a for a in found.accounts if a.effects == n) for n in names]
-    p = np.array([1 - 2 * shared, shared, shared])
-    made = Posterior(tuple(map(Hypothesis, tried)), p, np.zeros(3))
-    monkeypatch.setattr(verdict, "posterior", lambda accounts: made)
-    told = verdict.Told(found)
+    found, of = softened
+    soft, rough = (
+        of[frozenset([e])] for e in ("mullins_softening", "friction_hysteresis")
+    )
+    shares = [(found.accounts[0], 1 - 2 * share), (rough, share), (soft, share)]
+    told = told_of(monkeypatch, found, shares)
     assert told.names == []
     assert told.verdict == ("undetermined" if corrects else "nothing_missing")
-    assert told.account.effects == (names[2] if corrects else set())
+    assert told.account is (soft if corrects else found.accounts[0])
     better = told.heldout_after.nrmse < 0.6 * told.heldout_before.nrmse
     assert better == corrects
     assert (told.after is told.before) != corrects
+
+
+def test_what_foretells_no_better_than_the_base_corrects_nothing(tmp_path, monkeypatch):
+    found = search(diagnosis.start(read_case(write_case(tmp_path))))  # only noise
+
+    def left(account):
+        return verify.heldout(found.base.engine, account.fit).misfit
+
+    base, *tried = found.accounts
+    worst = max((a for a in tried if a.effects), key=left)
+    assert left(worst) > left(base)
+    told = told_of(monkeypatch, found, [(base, 0.49), (worst, 0.49)])
+    assert told.verdict == "undetermined"
+    assert told.account is base
+
+
+def test_a_part_explained_is_corrected_by_the_reading_that_foretells_best(
+    softened, monkeypatch
+):
+    # Friction is sure, softening beside it as likely as not, and something is left.
+    found, of = softened
+    rough = of[frozenset(["friction_hysteresis"])]
+    both = of[frozenset(["friction_hysteresis", "mullins_softening"])]
+    shares = [(found.accounts[0], 0.02), (rough, 0.5), (both, 0.48)]
+    told = told_of(monkeypatch, found, shares)
+    assert told.names == ["friction_hysteresis"]
+    assert told.verdict == "partly_explained"
+    assert told.account is both
 
 
 def test_first_loading_alone_does_not_tell_what_is_missing(tmp_path):

@@ -55,13 +55,14 @@ class Told:
         open_ = self.verdict in ("undetermined", "partly_explained")
         if not (open_ and self.tellable):
             return bool(self.names)
-        tried = [(self.account, self.heldout_after)] if self.names else []
+        tried = [(self.account, self.heldout_after)]
+        if not self.names:  # a correction that foretells worse than none is none
+            tried = [(self.found.accounts[0], self.heldout_before)]
         for account in self.probable.readings():
             if account.effects > set(self.names):
                 tried.append((account, verify.heldout(self.engine, account.fit)))
-        if tried:
-            self.account, self.heldout_after = min(tried, key=lambda t: t[1].misfit)
-        return bool(tried)
+        self.account, self.heldout_after = min(tried, key=lambda t: t[1].misfit)
+        return bool(self.account.effects)
 
     @property
     def few(self) -> bool:
