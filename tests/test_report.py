@@ -122,11 +122,14 @@ def test_what_is_drawn_is_what_was_measured():
 
 def test_a_correction_that_has_no_name_is_told_by_what_is_in_it(tmp_path):
     found = told()
-    assert "simulation after" in write_report(found, tmp_path)[0].read_text()
+    text = write_report(found, tmp_path)[0].read_text()
+    assert "simulation after" in text
+    assert 'data-shaded="where the correction acts"' in text
     found.result["selected"] = []
     text = write_report(found, tmp_path)[0].read_text()
     assert "simulation after" not in text
     assert "with mullins softening" in text
+    assert 'data-shaded="beyond the noise"' in text
 
 
 def test_a_spike_is_drawn_however_long_the_recording():

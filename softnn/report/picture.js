@@ -66,8 +66,7 @@
     };
     const config = {responsive: true, displaylogo: false,
       modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]};
-    const shaded = !r.regions.length ? "" : r.after
-      ? " Shaded: where the named effects act." : " Shaded: beyond the noise.";
+    const shaded = r.regions.length ? ` Shaded: ${label.shaded}.` : "";
     $("shown").textContent = `${r.name}: ${r.time.length} of ${r.samples} samples drawn.${shaded}`;
     return Plotly.react("picture", traces(r, key), layout, config);
   }
