@@ -138,6 +138,8 @@ def test_first_loading_alone_does_not_tell_what_is_missing(tmp_path):
     assert result["verdict"] == "undetermined"
     assert result["selected"] == []
     assert "first loading" in result["summary"]
+    # Nor is it corrected by what cannot be told.
+    assert not [e for e in result["corrected_by"] if effect(e).stage == "material"]
     assert "cycles" in result["next_recording"]["strain_programme"]
 
 

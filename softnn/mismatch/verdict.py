@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from softnn.fit import fit
 from softnn.mismatch import locate, verify
-from softnn.mismatch.accounts import Search
+from softnn.mismatch.accounts import Account, Search
 from softnn.mismatch.base import weigh_by
 from softnn.mismatch.posterior import NAMED, SURE, posterior
 
@@ -52,14 +52,13 @@ class Told:
 
     def _corrected(self) -> bool:
         """Whether there is a correction; `account` becomes the best there is."""
-        open_ = self.verdict in ("undetermined", "partly_explained")
-        if not (open_ and self.tellable):
+        if self.verdict not in ("undetermined", "partly_explained"):
             return bool(self.names)
         tried = [(self.account, self.heldout_after)]
         if not self.names:  # a correction that foretells worse than none is none
             tried = [(self.found.accounts[0], self.heldout_before)]
         for account in self.probable.readings():
-            if account.effects > set(self.names):
+            if account.effects > set(self.names) and self._shows(account):
                 tried.append((account, verify.heldout(self.engine, account.fit)))
         self.account, self.heldout_after = min(tried, key=lambda t: t[1].misfit)
         return bool(self.account.effects)
@@ -71,12 +70,16 @@ class Told:
 
     @property
     def tellable(self) -> bool:
-        """Whether these recordings can show what was selected.
+        """Whether these recordings can show what was selected."""
+        return self._shows(self.probable.best)
+
+    def _shows(self, account: Account) -> bool:
+        """Whether these recordings can show the effects of an account.
 
         On first loading most physics looks alike: softening, set and friction are a
         spring there. What a rig or a channel does can still be told.
         """
-        pieces = [p for p in self.account.fit.guess.pieces if not p.nuisance]
+        pieces = [p for p in account.fit.guess.pieces if not p.nuisance]
         material = any(p.effect.stage == "material" for p in pieces)
         return not self.few and not (material and locate.only_loading(self.engine))
 
