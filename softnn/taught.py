@@ -57,7 +57,7 @@ def taught(
     *,
     lag_s: float | None = None,
     neurons: int = 12,
-    simulated: int = 60,
+    simulated: int = 120,
     starts: int = 3,
     seed: int = 0,
 ) -> StoredNetwork:

@@ -30,7 +30,7 @@ class Size:
 
     neurons: int = 12
     starts: int = 2
-    simulated: int = 60
+    simulated: int = 120
     units: int = 8  # of the recurrent network
     gaussians: int = 40
     epochs: int = 150
