@@ -57,8 +57,10 @@ class Told:
         tried = [(self.account, self.heldout_after)]
         if not self.names:  # a correction that foretells worse than none is none
             tried = [(self.found.accounts[0], self.heldout_before)]
-        for account in self.probable.readings():
-            if account.effects > set(self.names) and self._shows(account):
+        # What first loadings leave out may be anything, and each goes on its own way.
+        dark = self.few or locate.only_loading(self.engine)
+        for account in () if dark else self.probable.readings():
+            if account.effects > set(self.names):
                 tried.append((account, verify.heldout(self.engine, account.fit)))
         self.account, self.heldout_after = min(tried, key=lambda t: t[1].misfit)
         return bool(self.account.effects)
@@ -70,16 +72,12 @@ class Told:
 
     @property
     def tellable(self) -> bool:
-        """Whether these recordings can show what was selected."""
-        return self._shows(self.probable.best)
-
-    def _shows(self, account: Account) -> bool:
-        """Whether these recordings can show the effects of an account.
+        """Whether these recordings can show what was selected.
 
         On first loading most physics looks alike: softening, set and friction are a
         spring there. What a rig or a channel does can still be told.
         """
-        pieces = [p for p in account.fit.guess.pieces if not p.nuisance]
+        pieces = [p for p in self.probable.best.fit.guess.pieces if not p.nuisance]
         material = any(p.effect.stage == "material" for p in pieces)
         return not self.few and not (material and locate.only_loading(self.engine))
 
