@@ -2,12 +2,12 @@
 
     python -m studies.scaling --server postgresql+psycopg://USER@HOST/DATABASE
 
-The joint study on few samples, its trials shared by one and by two processes through a
+The joint study, whole, its trials shared by one and by two processes through a
 database server: how many are finished in a minute, and for what share of the time each
-process was at a trial, which is what queue and server leave of it. Then a study by one
-process in a file, and one by two on the server, are killed (-9) at random moments, five
-of them in the first five seconds, the others soon after one to three more trials were
-finished, and started again: are trials lost, or done twice?
+process was at a trial, which is what queue and server leave of it. Then a study on few
+samples, by one process in a file and by two on the server, is killed (-9) at random
+moments, five of them in the first five seconds, the others soon after one to three more
+trials were finished, and started again: are trials lost, or done twice?
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from softnn.study import common
 
 ROOT = Path(__file__).resolve().parents[1]
 MARK = "<!-- made by python -m studies.scaling -->"
-SMALL = ["--samples", "25", "--folds", "3"]
+SMALL = ("--samples", "25", "--folds", "3", "--neurons", "1:3")
 EARLY, EARLY_S = 5, 5.0
 KINDS = {1: "one process, SQLite file", 2: "two processes, PostgreSQL"}
 
@@ -119,7 +119,7 @@ def report(rows: list[dict[str, Any]], killed: dict[str, Any]) -> str:
 def throughput(server: str, count: int, trials: int, seed: int) -> dict[str, Any]:
     """Trials a minute of `count` workers, from the first start to the last end."""
     with tempfile.TemporaryDirectory() as folder:
-        about = [*study(server, trials, fresh_seed(seed)), "--worker"]
+        about = [*study(server, trials, fresh_seed(seed), ()), "--worker"]
         before = newest(server)
         children = [started(about, Path(folder)) for _ in range(count)]
         for child in children:
@@ -186,8 +186,10 @@ def killing(
     }
 
 
-def study(server: str | None, trials: int, seed: int) -> list[str]:
-    command = ["-m", "studies.architectures", *SMALL, "--neurons", "1:3", "--out", "o"]
+def study(
+    server: str | None, trials: int, seed: int, size: Sequence[str] = SMALL
+) -> list[str]:
+    command = ["-m", "studies.architectures", *size, "--out", "o"]
     command += ["--trials", str(trials), "--seed", str(seed)]
     return command + (["--storage", server] if server else [])
 

@@ -2,7 +2,8 @@
 
 Networks: time until the held-out NRMSE is within 0.1 % of the best that any rival finds
 on the same samples, counting every restart that was needed. Models: branch-samples a
-second, and the seconds of a whole piecewise-linear fit (`speed_models.py`).
+second, and the seconds of a whole piecewise-linear fit (`speed_models.py`). What of the
+machine's arithmetic is used, and what float32 would change: `speed_arithmetic.py`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 from sklearn.neural_network import MLPRegressor
 
-from bench import speed_models
+from bench import speed_arithmetic, speed_models
 from softnn import prepare, virtual
 from softnn.contracts import Array, InputError
 from softnn.metrics import nrmse
@@ -268,8 +269,12 @@ def networks(
             ratios.append(row["ratio"])
         rows.append(row)
     complete = len(ratios) == len(rows)
+    digits = speed_arithmetic.measure(
+        data.inputs, data.target, held_in, list(neurons), seed
+    )
     return {
         "rows": rows,
+        "arithmetic": digits,
         "training_samples": int(held_in.sum()),
         "geometric_mean_ratio": float(np.exp(np.mean(np.log(ratios))))
         if complete
@@ -332,6 +337,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             for row in found["rows"]
             for name in METHODS
         }
+        for row in found["arithmetic"]:
+            about = f"{row['bits']}_bits_{row['neurons']}_neurons"
+            headline |= {
+                f"{k}_{about}": row[k]
+                for k in ("nrmse", "gamma", "seconds", "share_of_peak")
+            }
         headline |= {
             "network_speed_ratio": found["geometric_mean_ratio"],
             "training_samples": found["training_samples"],
@@ -352,10 +363,30 @@ def main(argv: Sequence[str] | None = None) -> int:
                 ],
             )
         )
+        print()
+        print(
+            markdown(
+                ["neurons", "digits", "NRMSE", "gamma", "steps", "ended", "s", "peak"],
+                [
+                    [
+                        row["neurons"],
+                        f"{row['bits']} bits",
+                        f"{100 * row['nrmse']:.3f} %",
+                        f"{row['gamma']:.1f}",
+                        row["iterations"],
+                        row["stopped"],
+                        f"{row['seconds']:.2f}",
+                        f"{100 * row['share_of_peak']:.0f} %; of the products "
+                        f"{100 * row['share_in_products']:.0f} %",
+                    ]
+                    for row in found["arithmetic"]
+                ],
+            )
+        )
         write_result(
             "speed",
             headline | models,
-            {"networks": found["rows"]},
+            {"networks": found["rows"], "arithmetic": found["arithmetic"]},
             seed=given.seed,
             data={"networks": found["data"]},
             folder=results_folder(smoke),
