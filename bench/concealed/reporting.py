@@ -102,9 +102,9 @@ def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) ->
 
 def causes_table(misses: Sequence[Mapping[str, Any]], head: str = "planted") -> str:
     """Misses by what was planted and why, the most frequent first."""
-    pair = "two effects"
+    several = {"pair": "two effects", "mixed": "one beside something on no list"}
     counts = Counter(
-        (pair if m["cls"] == "pair" else "".join(m["effects"]) or m["cls"], m["cause"])
+        (several.get(m["cls"]) or "".join(m["effects"]) or m["cls"], m["cause"])
         for m in misses
     )
     shown = counts.most_common(MOST_CAUSES)
