@@ -6,6 +6,7 @@ import pytest
 from softnn.bounded import innovations, whitened
 from softnn.contracts import Chunk
 from softnn.fit import Data, Engine
+from softnn.mismatch.base import live
 from softnn.noise import estimate, quantum
 
 
@@ -206,3 +207,20 @@ def test_whitened_rows_are_those_of_a_dense_cholesky_factor():
     # And the density of what is whitened: log of the determinant of the factor.
     expected = -np.log(np.diag(low)).sum()
     assert np.log(scale / sigma).sum() == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_channel_that_stands_still_has_no_noise_to_show():
+    rng = np.random.default_rng(5)
+    time = np.arange(1000) * 0.1
+    noise = 0.01 * rng.standard_normal((4, 1000))
+    stress = np.sin(time / 20) + noise
+    noise[0, :600] = stress[0, :600] = 0.0  # cut off at zero, by a slack strip
+    told = live(list(noise), 1.0)
+    assert np.isnan(told[0][:570]).all()
+    assert np.isfinite(told[0][630:]).all()
+    assert all(np.isfinite(x).all() for x in told[1:])
+    found = estimate(told, list(stress), [time] * 4)
+    assert found[0].floor_MPa == pytest.approx(0.01, rel=0.1)
+    assert estimate(list(noise), list(stress), [time] * 4)[0].floor_MPa < 1e-6
+    whole = live([np.zeros(1000)], 1.0)[0]
+    np.testing.assert_array_equal(whole, 0.0)

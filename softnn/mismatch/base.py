@@ -12,14 +12,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
 from softnn.models.units import Units, build
 from softnn.noise import Noise, estimate
+from softnn.noise.windows import WINDOW
 
 STAND_IN = "pl-wiechert"
+STILL = 1e-9  # of the largest stress, by which no live channel is rough
 
 
 @dataclass
@@ -75,13 +78,30 @@ def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:
     stress = found.stress if fine is engine else fine.run(found.guess, False)[0]
     data = fine.data
     noise = estimate(
-        fine.by_recording(fine.target - stress),
+        live(fine.by_recording(fine.target - stress), engine.level),
         data.stress_MPa,
         [c.time_s for c in data.chunks],
         long,
     )
     weigh_by(engine, noise)
     return noise
+
+
+def live(residuals: Sequence[Array], level: float) -> list[Array]:
+    """Residuals (n,) each, NaN where a channel stands still: it has no noise to show.
+
+    So of a strip that is slack, by a load cell that is cut off at zero. Of what stands
+    still from end to end nothing is taken away.
+    """
+    out = []
+    for x in residuals:
+        rough = np.nan_to_num(np.abs(np.diff(x, 3)), nan=np.inf)
+        if len(rough) > WINDOW:
+            dead = maximum_filter1d(rough, WINDOW) < STILL * level
+            dead = np.concatenate([dead[:1], dead, dead[-2:]])
+            x = x if dead.all() else np.where(dead, np.nan, x)
+        out.append(x)
+    return out
 
 
 def weigh_by(engine: Engine, noise: Sequence[Noise]) -> None:

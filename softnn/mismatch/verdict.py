@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from softnn.fit import fit
 from softnn.mismatch import locate, verify
-from softnn.mismatch.accounts import Account, Search
+from softnn.mismatch.accounts import Search
 from softnn.mismatch.base import weigh_by
 from softnn.mismatch.posterior import NAMED, SURE, posterior
 
