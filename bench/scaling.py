@@ -2,9 +2,10 @@
 
     python -m studies.scaling --server postgresql+psycopg://USER@HOST/DATABASE
 
-The joint study, whole, its trials shared by one and by two processes through a
-database server: how many are finished in a minute, and for what share of the time each
-process was at a trial, which is what queue and server leave of it. Then a study on few
+Trials of the joint study in full size, a grid of them, which are the same whoever does
+them, shared by one and by two processes through a database server: how many are
+finished in a minute, and for what share of the time each process was at a trial, which
+is what queue and server leave of it. Then a study on few
 samples, by one process in a file and by two on the server, is killed (-9) at random
 moments, five of them in the first five seconds, the others soon after one to three more
 trials were finished, and started again: are trials lost, or done twice?
@@ -33,6 +34,7 @@ from softnn.study import common
 ROOT = Path(__file__).resolve().parents[1]
 MARK = "<!-- made by python -m studies.scaling -->"
 SMALL = ("--samples", "25", "--folds", "3", "--neurons", "1:3")
+WHOLE = ("--sampler", "grid", "--neurons", "4:8")  # the same trials, however many share
 EARLY, EARLY_S = 5, 5.0
 KINDS = {1: "one process, SQLite file", 2: "two processes, PostgreSQL"}
 
@@ -44,7 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     made.add_argument(
         "--kills-only", action="store_true", help="throughput as in the last result"
     )
-    made.add_argument("--trials", type=int, default=60, help="of each study (60)")
+    made.add_argument(
+        "--trials", type=int, default=120, help="of a study that is killed (120)"
+    )
     made.add_argument("--kills", type=int, default=20, help="of each kind (20), or 0")
     return common.guarded(lambda: run(made.parse_args(argv)))
 
@@ -60,7 +64,7 @@ def run(a: argparse.Namespace) -> None:
         last = (common.RESULTS / "scaling.json").read_text(encoding="utf-8")
         rows = json.loads(last)["throughput"]
     else:
-        rows = [throughput(a.server, count, a.trials, a.seed) for count in (1, 2)]
+        rows = [throughput(a.server, count, a.seed) for count in (1, 2)]
     killed = {
         KINDS[count]: killing(where, count, a.kills, a.trials, a.seed)
         for count, where in ((1, None), (2, a.server))
@@ -116,10 +120,10 @@ def report(rows: list[dict[str, Any]], killed: dict[str, Any]) -> str:
     return "\n\n".join([*parts, common.markdown(header, cells)])
 
 
-def throughput(server: str, count: int, trials: int, seed: int) -> dict[str, Any]:
+def throughput(server: str, count: int, seed: int) -> dict[str, Any]:
     """Trials a minute of `count` workers, from the first start to the last end."""
     with tempfile.TemporaryDirectory() as folder:
-        about = [*study(server, trials, fresh_seed(seed), ()), "--worker"]
+        about = [*study(server, fresh_seed(seed), WHOLE), "--worker"]
         before = newest(server)
         children = [started(about, Path(folder)) for _ in range(count)]
         for child in children:
@@ -148,7 +152,8 @@ def killing(
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         address = server or f"sqlite:///{folder}/mlruns/optuna.db"
-        about = study(server, trials, fresh_seed(seed))
+        size = (*SMALL, "--trials", str(trials))
+        about = study(server, fresh_seed(seed), size)
         before = newest(address)
         while done < kills:
             soon = done < EARLY
@@ -186,11 +191,8 @@ def killing(
     }
 
 
-def study(
-    server: str | None, trials: int, seed: int, size: Sequence[str] = SMALL
-) -> list[str]:
-    command = ["-m", "studies.architectures", *size, "--out", "o"]
-    command += ["--trials", str(trials), "--seed", str(seed)]
+def study(server: str | None, seed: int, size: Sequence[str]) -> list[str]:
+    command = ["-m", "studies.architectures", *size, "--out", "o", "--seed", str(seed)]
     return command + (["--storage", server] if server else [])
 
 
