@@ -5,10 +5,10 @@
 Trials of the joint study in full size, a grid of them, which are the same whoever does
 them, shared by one and by two processes through a database server: how many are
 finished in a minute, and for what share of the time each process was at a trial, which
-is what queue and server leave of it. Then a study on few
-samples, by one process in a file and by two on the server, is killed (-9) at random
-moments, five of them in the first five seconds, the others soon after one to three more
-trials were finished, and started again: are trials lost, or done twice?
+is what queue and server leave of it. Then a study on few samples, by one process in a
+file and by two on the server, is killed (-9) at random moments, five of them in the
+first five seconds, the others soon after one to three more trials were finished, and
+started again: are trials lost, or done twice?
 """
 
 from __future__ import annotations
