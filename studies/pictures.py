@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from softnn.study.common import COLOURS, FAINT, RESULTS, new_figure
 
@@ -19,8 +17,8 @@ JUDGED = ("random folds", "by specimen", "by rate")
 MARKS = {
     "network": (COLOURS[1], "o"),
     "network, fewest needed": (COLOURS[4], "o"),
-    "PL-SLS": (COLOURS[0], "s"),
-    "PL-Wiechert": (COLOURS[2], "D"),
+    "PL-SLS, fitted jointly": (COLOURS[0], "s"),
+    "PL-Wiechert, fitted jointly": (COLOURS[2], "D"),
 }
 
 
@@ -29,9 +27,8 @@ def judged() -> None:
     figure = new_figure(7.6, 2.4)
     panels = figure.subplots(1, len(PANELS), sharey=True)
     for axes, (name, title) in zip(panels, PANELS.items(), strict=True):
-        (one,) = json.loads((RESULTS / f"{name}.json").read_text())["materials"]
         for i, (model, (colour, mark)) in enumerate(MARKS.items()):
-            for row, error in _errors(one, model).items():
+            for row, error in errors(name, model).items():
                 height = row + 0.14 * (i - (len(MARKS) - 1) / 2)  # none hides another
                 axes.plot(100 * error, height, mark, color=colour, markersize=5.5)
         axes.set_xscale("log")
@@ -49,8 +46,9 @@ def judged() -> None:
     figure.savefig(FIGURES / "judged.png", dpi=110)
 
 
-def _errors(one: Mapping[str, Any], model: str) -> dict[int, float]:
+def errors(panel: str, model: str) -> dict[int, float]:
     """Error of a model by the row it is drawn on."""
+    (one,) = json.loads((RESULTS / f"{panel}.json").read_text())["materials"]
     return {
         JUDGED.index(row["judged_on"]): row["nrmse"]
         for row in one["comparison"]

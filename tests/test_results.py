@@ -7,6 +7,7 @@ import pytest
 
 from softnn.study.code import files_of
 from softnn.study.common import RESULTS, code_of, made_by
+from studies import pictures
 
 OLDER = Path(__file__).with_name("older_results.txt")  # a name a line
 NOT_OURS = {"ledger"}  # a book of what was opened, not a figure
@@ -63,3 +64,10 @@ def test_words_do_not_count_but_numbers_do(tmp_path, text, same):
     two = tmp_path / "b.py"
     two.write_text(text)
     assert (code_of([two], words=False) == before) is same
+
+
+@pytest.mark.parametrize("panel", pictures.PANELS)
+def test_the_picture_of_the_readme_has_a_mark_of_every_model(panel):
+    drawn = {m: pictures.errors(panel, m) for m in pictures.MARKS}
+    del drawn["network, fewest needed"]  # where fewer do as well
+    assert all(drawn.values())
