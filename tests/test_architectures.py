@@ -61,6 +61,25 @@ def test_the_smallest_within_one_standard_error_is_chosen():
     assert words(trials[0]) == "FFRI2, 9 neurons, L2 1.0e-03, lag one sample"
 
 
+def test_ahead_on_every_fold_is_no_tie_however_the_folds_differ():
+    """Rates differ in difficulty: the error of the best scatters, its lead does not."""
+    trials = [
+        trial(0, [0.1, 0.1], [0.04, 0.14, 0.24], neurons=9),
+        trial(1, [0.1, 0.1], [0.085, 0.185, 0.29], neurons=4),
+    ]
+    assert choices(trials)["unseen"].trial.number == 0
+    assert choices(trials)["unseen"].ties == 1
+
+
+def test_failing_on_one_fold_is_no_tie():
+    """Its difference is as wide as it is large."""
+    trials = [
+        trial(0, [0.1, 0.1], [0.10, 0.11, 0.12], neurons=9),
+        trial(1, [0.1, 0.1], [0.10, 0.11, 0.90], neurons=4),
+    ]
+    assert choices(trials)["unseen"].trial.number == 0
+
+
 def test_paired_error_is_that_of_the_differences():
     one = np.array([1.0, 5.0, 9.0])
     assert paired(one + 0.5, one) == pytest.approx((0.5, 0.0))

@@ -67,5 +67,7 @@ def test_bad_input_is_said():
         StressNetwork().predict(PULLS)
     with pytest.raises(InputError, match="architecture is 'FFRD9'"):
         StressNetwork(inputs="FFRD9").fit(PULLS)
+    with pytest.raises(InputError, match="device is 'tpu'"):
+        StressNetwork(device="tpu").fit(PULLS)
     with pytest.raises(InputError, match="recordings hold a ndarray"):
         StressNetwork().fit(np.zeros((3, 2)))  # type: ignore[arg-type]

@@ -16,10 +16,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 import studies
 from softnn import Recording
 from softnn.contracts import InputError
+from softnn.neural import device_of
 from softnn.search import Finished
 from softnn.study.choice import fewest, pick
 from softnn.study.common import write_result
@@ -108,6 +110,12 @@ def test_trial_of_a_known_law():
     # place of 2 or 2 in place of 1, so errors of 1/2 and 1.
     _, by_rate = Trainer(LINES, settings)({"neurons": 3, "split": "rate"})
     assert sorted(by_rate["nrmse"]) == pytest.approx([0.5, 1.0], abs=0.02)
+
+
+def test_networks_are_trained_on_the_device_asked_for():
+    with pytest.raises(InputError, match="device is 'tpu'"):
+        Trainer(LINES, Settings(neurons=(1,), device="tpu"))({"neurons": 1})
+    assert device_of("auto") == ("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def test_fraction_is_drawn_once_and_folds_do_not_depend_on_neurons():
@@ -206,6 +214,7 @@ def test_bad_neurons(text):
         (["--inputs", "FFRD9"], "inputs is 'FFRD9'"),
         (["--split", "colour"], "split is 'colour'"),
         (["--regularisation", "l2=-1"], "regularisation is 'l2=-1'"),
+        (["--device", "tpu"], "device is 'tpu'; here is cpu"),
         (["--folds", "1"], "folds is 1"),
         (["--folds", "99999", "--neurons", "1"], "use fewer folds"),
         (["--folds", "ten"], "invalid int value: 'ten'"),

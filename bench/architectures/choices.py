@@ -28,9 +28,7 @@ def front(tried: Sequence[Finished]) -> list[Finished]:
 class Choice:
     """The network for one use: the smallest of those that tie with the best.
 
-    A tie: the error is within one standard error, over folds, of the least (Breiman et
-    al. 1984). `ties` counts them, the best one too; `fewest` is their least neuron
-    count.
+    `ties` counts those, the best one too; `fewest` is their least neuron count.
     """
 
     use: str
@@ -62,7 +60,7 @@ def choices(tried: Sequence[Finished]) -> dict[str, Choice]:
     found = {}
     for i, use in enumerate(USES):
         best = min(whole, key=lambda t: (t.values[i], t.number))
-        ties = [t for t in whole if t.values[i] <= best.values[i] + spread(best, use)]
+        ties = [t for t in whole if tied(folds(t, use), folds(best, use))]
         small = min(ties, key=lambda t: (t.result["parameters"], t.values[i]))
         fewest = min(t.parameters["neurons"] for t in ties)
         found[use] = Choice(use, small, best, len(ties), fewest)
@@ -75,10 +73,21 @@ def folds(trial: Finished, use: str) -> np.ndarray:
     return np.array(found["nrmse"])
 
 
-def spread(trial: Finished, use: str) -> float:
-    """Standard error of the mean NRMSE over folds."""
-    found = folds(trial, use)
-    return float(found.std(ddof=1) / np.sqrt(len(found)))
+def tied(one: np.ndarray, best: np.ndarray) -> bool:
+    """Whether an error by folds (k,) is no worse than the least beyond doubt.
+
+    Within one standard error of the paired difference, since folds differ in
+    difficulty; and of the least itself (Breiman et al. 1984), since one that fails on a
+    single fold widens its own difference as much as it raises it.
+
+    >>> best = np.array([1.0, 5.0, 9.0])
+    >>> tied(best + [0.1, -0.1, 0.05], best), tied(best + 0.5, best)
+    (True, False)
+    >>> tied(best + [0.0, 0.0, 90.0], best)
+    False
+    """
+    gap, within = paired(one, best)
+    return gap <= min(within, standard_error(best))
 
 
 def paired(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
@@ -88,7 +97,12 @@ def paired(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
     (2.0, 1.0)
     """
     gap = one - other
-    return float(gap.mean()), float(gap.std(ddof=1) / np.sqrt(len(gap)))
+    return float(gap.mean()), standard_error(gap)
+
+
+def standard_error(values: np.ndarray) -> float:
+    """Of the mean of values (k,) by fold."""
+    return float(values.std(ddof=1) / np.sqrt(len(values)))
 
 
 def folds_of(row: Mapping[str, Any], use: str) -> np.ndarray:

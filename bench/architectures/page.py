@@ -14,7 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.architectures.choices import USES, folds_of, rival_of, worse_by
+from bench.architectures.choices import (
+    USES,
+    folds_of,
+    rival_of,
+    standard_error,
+    worse_by,
+)
 from bench.architectures.report import draw, table
 from bench.reporting import between
 from softnn.search.samplers import STARTUP
@@ -236,5 +242,5 @@ def pm(errors: np.ndarray) -> str:
     >>> pm(np.array([0.1, 0.3]))
     '20.0 +- 10.0 %'
     """
-    spread = errors.std(ddof=1) / np.sqrt(len(errors)) if len(errors) > 1 else 0.0
+    spread = standard_error(errors) if len(errors) > 1 else 0.0
     return f"{100 * errors.mean():.1f} +- {100 * spread:.1f} %"

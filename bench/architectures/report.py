@@ -14,7 +14,7 @@ from bench.architectures.choices import (
     folds,
     paired,
     rival_of,
-    spread,
+    standard_error,
     words,
 )
 from softnn.search import Finished
@@ -59,7 +59,7 @@ def _of_use(
         "unseen": f"for a {unseen} never seen",
     }[use]
     judged = "by random folds" if use == "random" else WORDS[unseen]
-    error = _pm(float(mine.mean()), spread(anew, use))
+    error = _pm(float(mine.mean()), standard_error(mine))
     text = f"{means} take {one.words} ({error} {judged}; "
     if one.ties > 1 and one.trial.number == one.best.number:
         text += (

@@ -22,7 +22,7 @@ from softnn.neural.inputs import (
     architecture_of,
     samples,
 )
-from softnn.neural.levenberg import Settings
+from softnn.neural.levenberg import Settings, device_of
 from softnn.neural.network import (
     BoundedNetwork,
     Network,
@@ -52,6 +52,7 @@ __all__ = [
     "Trained",
     "architecture_of",
     "counted",
+    "device_of",
     "fit_samples",
     "run",
     "samples",

@@ -24,8 +24,9 @@ class StressNetwork(BaseEstimator):
 
     inputs: an architecture of `softnn.neural.ARCHITECTURES`; neurons: 1 or more;
     regularisation: bayesian, early-stopping or l2=WEIGHT; lag_s: of past inputs [s],
-    one sample by default; seed: of the starting weights. `stored_` is the network
-    trained, ready for JSON by `.source`. Bad parameters raise `InputError` in `fit`.
+    one sample by default; seed: of the starting weights; device: cpu, cuda or auto.
+    `stored_` is the network trained, ready for JSON by `.source`. Bad parameters raise
+    `InputError` in `fit`.
 
     >>> from sklearn.base import clone
     >>> from sklearn.model_selection import cross_val_score
@@ -53,12 +54,14 @@ class StressNetwork(BaseEstimator):
         regularisation: str = "bayesian",
         lag_s: float | None = None,
         seed: int = 0,
+        device: str = "cpu",
     ) -> None:
         self.inputs = inputs
         self.neurons = neurons
         self.regularisation = regularisation
         self.lag_s = lag_s
         self.seed = seed
+        self.device = device
 
     def fit(self, recordings: Sequence[Recording], y: None = None) -> StressNetwork:
         """Train on every sample of the recordings; their stress is the target."""
@@ -71,6 +74,7 @@ class StressNetwork(BaseEstimator):
             train_mask=np.ones((1, len(known.target)), bool),
             seeds=[self.seed],
             regularisation=Regularisation.parse(self.regularisation),
+            device=self.device,
         )
         self.stored_ = StoredNetwork(
             one.network, self.inputs, self.lag_s, Seen.of(recordings)

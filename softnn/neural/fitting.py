@@ -28,9 +28,14 @@ def fit_samples(
     regularisation: Regularisation = BAYESIAN,
     settings: Settings = DEFAULTS,
     starts: int = 1,
+    device: str = "cpu",
     threads: int | None = None,
 ) -> list[Trained]:
-    """Networks on rows of samples; see `train`. Units that are not tanh: one start."""
+    """Networks on rows of samples; see `train`.
+
+    Units that are not tanh have one start, and are trained on the CPU whatever the
+    device: theirs are steps too small for another.
+    """
     row = architecture_of(architecture)
     if row.radial:
         return train_radial(
@@ -61,6 +66,7 @@ def fit_samples(
         settings=settings,
         starts=starts,
         one_sign=row.bounded,
+        device=device,
         threads=threads,
     )
     return [replace(one, network=row.network(**vars(one.network))) for one in trained]

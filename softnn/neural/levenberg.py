@@ -21,6 +21,8 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
+from softnn.contracts import InputError
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -44,6 +46,20 @@ class Settings:
 
 DEFAULTS = Settings()
 SINGULAR = 1e-12  # of the largest element, by which a singular matrix is moved off
+
+
+def device_of(name: str) -> str:
+    """What torch calls a device: auto is a GPU where there is one that can be used.
+
+    Raises `InputError` for what is not here. Others than CUDA have no float64.
+    """
+    able = torch.cuda.is_available()
+    if name == "auto":
+        return "cuda" if able else "cpu"
+    here = ["cpu", *(["cuda"] if able else [])]
+    if name not in here:
+        raise InputError(f"device is {name!r}; here is {', '.join(here)}, or auto")
+    return name
 
 
 class Problem(Protocol):

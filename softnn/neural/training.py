@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from softnn.contracts import Array, InputError
-from softnn.neural.levenberg import DEFAULTS, Result, Settings, minimise
+from softnn.neural.levenberg import DEFAULTS, Result, Settings, device_of, minimise
 from softnn.neural.network import Network, Scaling
 from softnn.neural.rows import Rows, nguyen_widrow, normalised, stacked, summary
 
@@ -212,12 +212,14 @@ def train(
     inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
     Normalisation is that of the training samples alone. With `starts` above 1 the best
     of that many starts, by log evidence on the summary of the samples, is trained on.
-    On a CPU the same seed gives the same network, whatever else is in the batch.
+    On a CPU the same seed gives the same network, whatever else is in the batch; on
+    another `device` (see `device_of`) rounding is its own.
     `threads` at work, one a core by default; where processes share the cores one is
     best.
     """
     inputs, target = np.asarray(inputs, float), np.asarray(target, float)
     _check(inputs, target, neurons, train_mask, seeds, starts)
+    device = device_of(device)
     jobs = [
         _Job(inputs, target, np.flatnonzero(mask), int(count), int(seed))
         for mask, count, seed in zip(train_mask, neurons, seeds, strict=True)

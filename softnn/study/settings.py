@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from softnn.contracts import InputError
-from softnn.neural import ARCHITECTURES, Regularisation
+from softnn.neural import ARCHITECTURES, Regularisation, device_of
 from softnn.study.common import (
     RUNS,
     Parser,
@@ -41,6 +41,7 @@ class Settings:
     lag_s: float | None = None  # of past inputs; None: one sample, as published
     as_is: bool = False  # take implausible numbers as they stand
     cycles: bool = False  # whole recordings of those that unload, not first loadings
+    device: str = "cpu"  # that networks of tanh neurons are trained on
 
     def __post_init__(self) -> None:
         one_of("inputs", self.inputs, ARCHITECTURES)
@@ -130,6 +131,7 @@ def study_parser(
         help="a recording, at most, at equal strain steps (virtual: as Table 6.2; "
         f"real: {MOST_SAMPLES})",
     )
+    add("--device", default=defaults.device, help="cpu, cuda or auto: its rounding")
     add("--storage", help=f"Optuna (sqlite:///{RUNS}/optuna.db; postgresql+psycopg:)")
     add("--tracking", help=f"MLflow (sqlite:///{RUNS}/mlflow.db)")
     add("--out", type=Path, metavar="FOLDER", help="for the result and its figures")
@@ -156,6 +158,7 @@ def settings_of(
         if hasattr(arguments, item.name)
     }
     given["neurons"] = parse_neurons(given["neurons"])
+    given["device"] = device_of(given["device"])
     return replace(defaults or Settings(), **given)
 
 

@@ -99,6 +99,7 @@ class Trainer:
             seeds=seeds,
             regularisation=Regularisation.parse(chosen["regularisation"]),
             settings=self.training,
+            device=self.settings.device,
             threads=self.threads,
         )
 
