@@ -73,9 +73,9 @@ def test_a_crept_set_grows_while_strained_and_stays(side):
 
 
 def test_a_cyclic_set_grows_with_the_logarithm_of_cycles():
-    values = {"ratio": 0.2, "first": 0.6, "viscous_share": 1.0}
+    values = effect("permanent_set").defaults() | {"ratio": 0.2, "first": 0.6}
     chunk = there_and_back([0, *[0.5, 0] * 10])
-    out = spring_with("permanent_set", "CyclicSet", values, chunk)
+    out = spring_with("permanent_set", "PermanentSet", values, chunk)
     peaks = 0.5 - 0.2 * 0.5 * (0.6 + 0.4 * np.log10(np.arange(1, 11)))
     np.testing.assert_allclose(out[400::800], peaks, rtol=1e-9)
 

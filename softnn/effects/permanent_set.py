@@ -16,18 +16,21 @@ class PermanentSet(Effect):
     r"""Residual strain: the stress-free length grows with the largest strain so far.
 
     .. math:: \varepsilon_{el} = \varepsilon - a\,
+              \left(f + (1 - f) \log_{10}(1 + N)\right) \left[
               \left(\max_{s \le t} \varepsilon^+(s) - y\right)_+^p
-              + a \left(\max_{s \le t} \varepsilon^-(s) - y\right)_+^p
+              - \left(\max_{s \le t} \varepsilon^-(s) - y\right)_+^p \right]
 
     a is the ratio of set to largest strain (at strain 1), p its exponent, yield y the
-    strain from which on it grows. With `on_return` r above 0 the set shows as the
+    strain from which on it grows; of it the share f is there after the first loading,
+    the rest comes with N cycles, counted by travel (Derham and Thomas 1977, *Rubber
+    Chem. Technol.* 50, 397-402). With `on_return` r above 0 the set shows as the
     specimen comes back, in full at zero: the share that shows is
     1 - (strain / largest)^(1/r). On first loading the set is part of the curve and
     cannot be seen; on reloading the curve is shifted. `buckling` b is the share lost of
-    a stress of the other sign at strains within the set: a strip that has grown longer
-    hangs slack, a shortened block lies loose, while its viscous strain recovers. Of
-    the set the branches feel the share v: all where the specimen has another length,
-    none where the network that bears for good has set.
+    strain of the other sign within the set: a strip that has grown longer hangs slack,
+    a shortened block lies loose, and neither its spring nor its branches are strained
+    back. Of the set the branches feel the share v: all where the specimen has another
+    length, none where the network that bears for good has set.
     Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
 
     Mistaken for slack (which does not grow), for a zero offset and for slow relaxation
@@ -36,7 +39,7 @@ class PermanentSet(Effect):
 
     stage = "material"
     on_return = True
-    ports: tuple[str, ...] = ("strain", "branch_strain", "equilibrium", "branches")
+    ports: tuple[str, ...] = ("strain", "branch_strain")
     parameters: tuple[Parameter, ...] = (
         Parameter("ratio", "-", 0.0, 0.95, 0.1, meaning="set over largest strain at 1"),
         Parameter("exponent", "-", 0.2, 5.0, 1.0, "log", "growth of the set"),
@@ -52,6 +55,7 @@ class PermanentSet(Effect):
         Parameter("on_return", "-", 0.0, 3.0, 0.0, meaning="r, how late it shows"),
         Parameter("buckling", "-", 0.0, 1.0, 0.0, meaning="b, loss when slack"),
         Parameter("viscous_share", "-", 0.0, 1.0, 1.0, meaning="v, of the branches"),
+        Parameter("first", "-", 0.0, 1.0, 1.0, meaning="f, share of the first loading"),
     )
     off: Mapping[str, float] = {"ratio": 0.0}
     amplitude = "ratio"
@@ -61,6 +65,7 @@ class PermanentSet(Effect):
         "on_return",
         "buckling",
         "viscous_share",
+        "first",
     )
     where = "on unloading and reloading, near zero stress"
     twins = {
@@ -73,45 +78,36 @@ class PermanentSet(Effect):
 
     @property
     def second_forms(self):
-        return (PlasticElement(), CreptSet(), CyclicSet())
+        return (PlasticElement(), CreptSet())
 
     def before(self, p, signal, state):
-        a, power = p["ratio"], p["exponent"]
-        strain = signal.strain
-        above, below = (0.0, 0.0) if state is None else state
+        strain, y = signal.strain, p["yield_strain"]
+        above, below, counted = (0.0, 0.0, None) if state is None else state
         above = np.maximum.accumulate(np.maximum(np.maximum(strain, 0), above))
         below = np.maximum.accumulate(np.maximum(np.maximum(-strain, 0), below))
-        y = p["yield_strain"]
-        grown = np.maximum(above - y, 0) ** power - np.maximum(below - y, 0) ** power
+        number, counted = TravelSoftening().count(signal, counted)
+        grown = (p["first"] + (1 - p["first"]) * np.log10(1 + number)) * (
+            np.maximum(above - y, 0) ** p["exponent"]
+            - np.maximum(below - y, 0) ** p["exponent"]
+        )
         largest = np.maximum(np.where(strain >= 0, above, below), 1e-12)
         near = np.clip(np.abs(strain) / largest, 1e-12, 1)
         late = p["on_return"]
         hidden = np.exp(np.log(near) / np.maximum(late, 0.02))
-        shift = a * grown * np.where(late >= 0.02, 1 - hidden, 1.0)
-        new = replace(
-            signal,
-            strain=strain - shift,
-            branch_strain=signal.branch_strain - p["viscous_share"] * shift,
-        )
-        return new, (above[-1:], below[-1:])
-
-    def after(self, p, signal, state):
+        shift = p["ratio"] * grown * np.where(late >= 0.02, 1 - hidden, 1.0)
+        new = _shifted(p, signal, shift)
         # The side to which the specimen has been strained further: it hangs slack, or
         # lies loose between the plates, where it would have to bear the other sign.
-        above, below = (0.0, 0.0) if state is None else state
-        above = np.maximum.accumulate(np.maximum(np.maximum(signal.strain, 0), above))
-        below = np.maximum.accumulate(np.maximum(np.maximum(-signal.strain, 0), below))
-        side = np.sign(above - below)
-        stress = signal.equilibrium + signal.branches
         # Within the set only: without a set this is no slender strip (`tension_only`).
-        slack = (side * signal.strain < 0) & (side * stress < 0) & (p["ratio"] > 0)
-        factor = np.where(slack, 1 - p["buckling"], 1.0)
+        side = np.sign(above - below) * (p["ratio"] > 0)
+
+        def taut(x: Array) -> Array:
+            return np.where(side * x < 0, (1 - p["buckling"]) * x, x)
+
         new = replace(
-            signal,
-            equilibrium=signal.equilibrium * factor,
-            branches=signal.branches * factor,
+            new, strain=taut(new.strain), branch_strain=taut(new.branch_strain)
         )
-        return new, (above[-1:], below[-1:])
+        return new, (above[-1:], below[-1:], counted)
 
     def starts(self, scales):
         return [
@@ -122,14 +118,18 @@ class PermanentSet(Effect):
                 "on_return": r,
                 "buckling": b,
                 "viscous_share": v,
+                "first": f,
             }
-            for p, r, b, v in (
-                (1, 0, 0, 1),
-                (2, 0, 0, 1),
-                (1, 0.1, 1, 1),
-                (1, 1, 0, 1),
-                (1, 0, 0, 0),
-                (1, 1, 0, 0),
+            for p, r, b, v, f in (
+                (1, 0, 0, 1, 1),
+                (2, 0, 0, 1, 1),
+                (1, 0.1, 0.9, 1, 1),
+                (1, 1, 0, 1, 1),
+                (1, 0, 0, 0, 1),
+                (1, 1, 0, 0, 1),
+                (1, 0, 0, 1, 0.5),
+                (1, 0.1, 0.9, 1, 0.5),
+                (1, 0, 0, 0, 0.1),
             )
         ]
 
@@ -141,14 +141,15 @@ class PlasticElement(PermanentSet):
     r"""An element that yields in parallel to the rest and, unloaded, holds it open.
 
     .. math:: \sigma_p = E g, \qquad
-              dg = d\varepsilon - |d\varepsilon|
+              dg = d\varepsilon - (|d\varepsilon| + \rho\,dt)
                    \left|\frac{g}{y}\right|^{n} \mathrm{sign}\, g
 
-    stiffness E in MPa, yield y as strain of the spring, sharpness n of the yield. The
-    flow is that of a power-law dashpot with travel in place of time: alike at every
-    rate, none in a pause, and a little more at each further peak. What yields below
-    10 % of strain is friction; what flows with time, viscosity. Valanis 1971, *Archives
-    of Mechanics* 23, 517-551.
+    stiffness E in MPa, yield y as strain of the spring, sharpness n of the yield, pace
+    rho in 1/s. With rho 0 the flow is that of a power-law dashpot with travel in place
+    of time: alike at every rate, none in a pause, and a little more at each further
+    peak; else it yields later, the faster it is strained. What yields below 10 % of
+    strain is friction; what flows back with time, viscosity. Valanis 1971, *Archives of
+    Mechanics* 23, 517-551; Perzyna 1966, doi:10.1016/S0065-2156(08)70009-7.
     """
 
     ports = ("equilibrium",)
@@ -156,24 +157,26 @@ class PlasticElement(PermanentSet):
         Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E", per_strain=1),
         Parameter("yield_strain", "-", 0.1, 10.0, 0.3, "log", "y, of the spring", -1),
         Parameter("sharpness", "-", 3.0, 60.0, 12.0, "log", "n, of the yield"),
+        Parameter("pace_per_s", "1/s", 0.0, 1e3, 0.0, meaning="rho", per_strain=-1),
     )
     off = {"stiffness_MPa": 0.0}
     amplitude = "stiffness_MPa"
-    shape = ()
+    shape = ("pace_per_s",)
     before = Effect.before
 
     def after(self, p, signal, state):
         from softnn.effects._kernels import flow
 
-        last, carried = (0.0, 0.0) if state is None else state
+        time, limit, pace = signal.time_s, p["yield_strain"], p["pace_per_s"]
+        then, last, carried = (time[0], 0.0, 0.0) if state is None else state
         increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
-        limit, travel = p["yield_strain"], np.abs(increment)
-        sets = max(increment.shape[1], limit.size, p["sharpness"].size)
+        travel = np.abs(increment) + pace * np.diff(time, prepend=then)[:, None]
+        sets = max(travel.shape[1], limit.size, p["sharpness"].size)
         carried = np.broadcast_to(carried, (sets,)).copy()
         out = np.empty((len(increment), sets))
         flow(travel, increment, limit, limit, p["sharpness"], carried, out)
         new = replace(signal, equilibrium=signal.equilibrium + p["stiffness_MPa"] * out)
-        return new, (signal.strain[-1:], carried)
+        return new, (time[-1], signal.strain[-1:], carried)
 
     def starts(self, scales):
         size = 0.5 * scales.stress_MPa / scales.strain
@@ -197,14 +200,12 @@ class CreptSet(PermanentSet):
     *J. Appl. Phys.* 17, 352-361; once freed, the specimen keeps it.
     """
 
-    ports = ("strain", "branch_strain")
     parameters = (
         PermanentSet.parameters[0],
         Parameter("time_s", "s", 1e-2, 1e7, 30.0, "log", "tau"),
         PermanentSet.parameters[5],
     )
     shape = ("viscous_share",)
-    after = Effect.after
 
     def before(self, p, signal, state):
         from softnn.effects._kernels import ratchet
@@ -225,42 +226,6 @@ class CreptSet(PermanentSet):
     def starts(self, scales):
         middle = float(np.clip(0.2 * np.median(scales.duration_s), 1e-2, 1e7))
         return [{"ratio": 0.15, "time_s": middle, "viscous_share": v} for v in (1, 0)]
-
-
-class CyclicSet(PermanentSet):
-    r"""A set that goes on growing with the number of cycles.
-
-    .. math:: s = a\,\varepsilon_m \left(f + (1 - f) \log_{10}(1 + N)\right)
-
-    ratio a, of it the share f with the first loading; N are cycles, counted by travel.
-    Creep under repeated stressing, by the logarithm of cycles: Derham and Thomas 1977,
-    *Rubber Chem. Technol.* 50, 397-402.
-    """
-
-    ports = ("strain", "branch_strain")
-    parameters = (
-        PermanentSet.parameters[0],
-        Parameter("first", "-", 0.0, 1.0, 0.5, meaning="f, share of the first loading"),
-        PermanentSet.parameters[5],
-    )
-    shape = ("first", "viscous_share")
-    after = Effect.after
-
-    def before(self, p, signal, state):
-        above, below, counted = (0.0, 0.0, None) if state is None else state
-        number, counted = TravelSoftening().count(signal, counted)
-        above = np.maximum.accumulate(np.maximum(signal.strain, above))
-        below = np.maximum.accumulate(np.maximum(-signal.strain, below))
-        first = p["first"]
-        grown = first + (1 - first) * np.log10(1 + number)
-        shift = p["ratio"] * (above - below) * grown
-        return _shifted(p, signal, shift), (above[-1:], below[-1:], counted)
-
-    def starts(self, scales):
-        return [
-            {"ratio": 0.1, "first": f, "viscous_share": v}
-            for f, v in ((0.5, 1.0), (0.1, 0.0))
-        ]
 
 
 def _shifted(p: Mapping[str, Array], signal: Signal, shift: Array) -> Signal:

@@ -1,13 +1,18 @@
 /*@ PermanentSet state */
-double above, below, far_above, far_below;
+double above, below, last, travel, low, high;
 /*@ PermanentSet before */
 {
-    double shift;
+    double number, shift, side;
     q->above = fmax(q->above, e);
     q->below = fmax(q->below, -e);
+    q->travel += fabs(e - q->last);
+    q->last = e;
+    q->low = fmin(q->low, e);
+    q->high = fmax(q->high, e);
+    number = fmax(q->travel / fmax(2.0 * (q->high - q->low), 1e-12) - 0.5, 0.0);
     shift = pow(fmax(q->above - {yield_strain}, 0.0), {exponent})
             - pow(fmax(q->below - {yield_strain}, 0.0), {exponent});
-    shift *= {ratio};
+    shift *= {ratio} * ({first} + (1.0 - {first}) * log10(1.0 + number));
     if ({on_return} >= 0.02) {
         const double largest = fmax(e >= 0.0 ? q->above : q->below, 1e-12);
         const double part = clip(fabs(e) / largest, 1e-12, 1.0);
@@ -15,17 +20,9 @@ double above, below, far_above, far_below;
     }
     e -= shift;
     b -= {viscous_share} * shift;
-}
-/*@ PermanentSet after */
-{
-    double side;
-    q->far_above = fmax(q->far_above, e);
-    q->far_below = fmax(q->far_below, -e);
-    side = sign(q->far_above - q->far_below);
-    if (side * e < 0.0 && side * (eq + br) < 0.0 && {ratio} > 0.0) {
-        eq *= 1.0 - {buckling};
-        br *= 1.0 - {buckling};
-    }
+    side = {ratio} > 0.0 ? sign(q->above - q->below) : 0.0;
+    e *= side * e < 0.0 ? 1.0 - {buckling} : 1.0;
+    b *= side * b < 0.0 ? 1.0 - {buckling} : 1.0;
 }
 /*@ PlasticElement state */
 double last, carried;
@@ -33,8 +30,9 @@ double last, carried;
 {
     const double increment = e - q->last;
     q->last = e;
-    eq += {stiffness_MPa} * flow(fabs(increment), increment, {yield_strain},
-                                 {yield_strain}, {sharpness}, &q->carried);
+    eq += {stiffness_MPa} * flow(fabs(increment) + {pace_per_s} * dt, increment,
+                                 {yield_strain}, {yield_strain}, {sharpness},
+                                 &q->carried);
 }
 /*@ CreptSet state */
 double above[2], below[2];
@@ -43,23 +41,6 @@ double above[2], below[2];
     const double shift = {ratio}
                          * (ratchet(dt, fmax(e, 0.0), {time_s}, q->above)
                             - ratchet(dt, fmax(-e, 0.0), {time_s}, q->below));
-    e -= shift;
-    b -= {viscous_share} * shift;
-}
-/*@ CyclicSet state */
-double above, below, last, travel, low, high;
-/*@ CyclicSet before */
-{
-    double number, shift;
-    q->above = fmax(q->above, e);
-    q->below = fmax(q->below, -e);
-    q->travel += fabs(e - q->last);
-    q->last = e;
-    q->low = fmin(q->low, e);
-    q->high = fmax(q->high, e);
-    number = fmax(q->travel / fmax(2.0 * (q->high - q->low), 1e-12) - 0.5, 0.0);
-    shift = {ratio} * (q->above - q->below)
-            * ({first} + (1.0 - {first}) * log10(1.0 + number));
     e -= shift;
     b -= {viscous_share} * shift;
 }
