@@ -129,7 +129,7 @@ class PermanentSet(Effect):
                 (1, 1, 0, 0, 1),
                 (1, 0, 0, 1, 0.5),
                 (1, 0.1, 0.9, 1, 0.5),
-                (1, 0, 0, 0, 0.1),
+                (1, 0.1, 0, 0, 0.5),
             )
         ]
 
@@ -148,15 +148,15 @@ class PlasticElement(PermanentSet):
     rho in 1/s. With rho 0 the flow is that of a power-law dashpot with travel in place
     of time: alike at every rate, none in a pause, and a little more at each further
     peak; else it yields later, the faster it is strained. What yields below 10 % of
-    strain is friction; what flows back with time, viscosity. Valanis 1971, *Archives of
-    Mechanics* 23, 517-551; Perzyna 1966, doi:10.1016/S0065-2156(08)70009-7.
+    strain is friction; what flows by a lower power, viscosity. Valanis 1971, *Archives
+    of Mechanics* 23, 517-551; Perzyna 1966, doi:10.1016/S0065-2156(08)70009-7.
     """
 
     ports = ("equilibrium",)
     parameters = (
         Parameter("stiffness_MPa", "MPa", 0.0, 1e6, 0.5, meaning="E", per_strain=1),
         Parameter("yield_strain", "-", 0.1, 10.0, 0.3, "log", "y, of the spring", -1),
-        Parameter("sharpness", "-", 3.0, 60.0, 12.0, "log", "n, of the yield"),
+        Parameter("sharpness", "-", 8.0, 60.0, 12.0, "log", "n, of the yield"),
         Parameter("pace_per_s", "1/s", 0.0, 1e3, 0.0, meaning="rho", per_strain=-1),
     )
     off = {"stiffness_MPa": 0.0}
