@@ -7,7 +7,7 @@ from threading import Timer
 import numpy as np
 import pytest
 
-from bench.architectures.choices import choices, front, paired, words
+from bench.architectures.choices import choices, folds, front, paired, words
 from bench.architectures.trials import beaten, conditions, configuration
 from softnn.search import TOGETHER, Finished, Range, Search
 from studies import architectures, neurons
@@ -34,6 +34,27 @@ def trial(number, random, unseen, neurons=5, stopped=None):
     )
 
 
+def the_same(trials, use):
+    return [folds(t, use) for t in trials]
+
+
+def test_luck_of_one_draw_does_not_choose():
+    """The best of many has had luck: drawn once more it is the worse of two."""
+    trials = [
+        trial(0, [0.1, 0.1], [0.02, 0.03, 0.04], neurons=9),
+        trial(1, [0.1, 0.1], [0.05, 0.06, 0.07], neurons=5),
+    ]
+    again = {0: [0.30, 0.32, 0.34], 1: [0.05, 0.06, 0.08]}
+
+    def once_more(final, use):
+        if use == "random":
+            return the_same(final, use)
+        return [np.array(again[t.number]) for t in final]
+
+    found = choices(trials, once_more)["unseen"]
+    assert (found.trial.number, found.ties) == (1, 1)
+
+
 def test_front_holds_what_nothing_beats_in_both():
     trials = [
         trial(0, [0.1, 0.1], [0.9, 0.9]),
@@ -46,13 +67,13 @@ def test_front_holds_what_nothing_beats_in_both():
 
 
 def test_the_smallest_within_one_standard_error_is_chosen():
-    """Least mean .10, folds .09 and .11: standard error .01."""
+    """Least mean .10, four folds of .09 and .11: standard error .006."""
     trials = [
         trial(0, [0.09, 0.11], [0.9, 0.9], neurons=9),
-        trial(1, [0.108, 0.108], [0.5, 0.7], neurons=4),
+        trial(1, [0.103, 0.103], [0.5, 0.7], neurons=4),
         trial(2, [0.12, 0.12], [0.5, 0.5], neurons=2),
     ]
-    found = choices(trials)
+    found = choices(trials, the_same)
     assert found["random"].best.number == 0
     assert found["random"].trial.number == 1
     assert (found["random"].ties, found["random"].fewest) == (2, 4)
@@ -67,8 +88,8 @@ def test_ahead_on_every_fold_is_no_tie_however_the_folds_differ():
         trial(0, [0.1, 0.1], [0.04, 0.14, 0.24], neurons=9),
         trial(1, [0.1, 0.1], [0.085, 0.185, 0.29], neurons=4),
     ]
-    assert choices(trials)["unseen"].trial.number == 0
-    assert choices(trials)["unseen"].ties == 1
+    assert choices(trials, the_same)["unseen"].trial.number == 0
+    assert choices(trials, the_same)["unseen"].ties == 1
 
 
 def test_failing_on_one_fold_is_no_tie():
@@ -77,7 +98,7 @@ def test_failing_on_one_fold_is_no_tie():
         trial(0, [0.1, 0.1], [0.10, 0.11, 0.12], neurons=9),
         trial(1, [0.1, 0.1], [0.10, 0.11, 0.90], neurons=4),
     ]
-    assert choices(trials)["unseen"].trial.number == 0
+    assert choices(trials, the_same)["unseen"].trial.number == 0
 
 
 def test_paired_error_is_that_of_the_differences():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,10 @@ from softnn.neural import architecture_of
 from softnn.search import Finished
 
 USES = ("random", "unseen")  # the order of the objectives
+FINALISTS = 20  # of a use; of so many trials as a search has, the best has had luck
+
+Again = Callable[[Sequence[Finished], str], Sequence[np.ndarray]]
+"""NRMSE by fold of trials for a use, folds and starting weights drawn once more."""
 
 
 def front(tried: Sequence[Finished]) -> list[Finished]:
@@ -28,6 +32,8 @@ def front(tried: Sequence[Finished]) -> list[Finished]:
 class Choice:
     """The network for one use: the smallest of those that tie with the best.
 
+    Best of the finalists, by what they were searched by and once more together;
+    `ahead`: by how much the best is, its mean and standard error over folds.
     `ties` counts those, the best one too; `fewest` is their least neuron count.
     """
 
@@ -36,6 +42,7 @@ class Choice:
     best: Finished
     ties: int
     fewest: int
+    ahead: tuple[float, float]
 
     @property
     def words(self) -> str:
@@ -54,17 +61,31 @@ class Choice:
         }
 
 
-def choices(tried: Sequence[Finished]) -> dict[str, Choice]:
-    """For each use its choice among all whole trials."""
+def choices(tried: Sequence[Finished], again: Again) -> dict[str, Choice]:
+    """For each use its choice among the finalists: whole trials of least error."""
     whole = [t for t in tried if t.result["stopped_after"] is None]
     found = {}
     for i, use in enumerate(USES):
-        best = min(whole, key=lambda t: (t.values[i], t.number))
-        ties = [t for t in whole if tied(folds(t, use), folds(best, use))]
-        small = min(ties, key=lambda t: (t.result["parameters"], t.values[i]))
+        final = sorted(whole, key=lambda t: (t.values[i], t.number))[:FINALISTS]
+        errors = {
+            t.number: _together(use, folds(t, use), more)
+            for t, more in zip(final, again(final, use), strict=True)
+        }
+        final.sort(key=lambda t: (errors[t.number].mean(), t.number))
+        best = final[0]
+        ties = [t for t in final if tied(errors[t.number], errors[best.number])]
+        small = min(ties, key=lambda t: t.result["parameters"])
         fewest = min(t.parameters["neurons"] for t in ties)
-        found[use] = Choice(use, small, best, len(ties), fewest)
+        ahead = paired(errors[small.number], errors[best.number])
+        found[use] = Choice(use, small, best, len(ties), fewest, ahead)
     return found
+
+
+def _together(use: str, once: np.ndarray, more: np.ndarray) -> np.ndarray:
+    """Errors of both draws: rates are the same ones again, random folds are others."""
+    if use == "unseen":
+        return np.mean([once, more], axis=0)
+    return np.concatenate([once, more])
 
 
 def folds(trial: Finished, use: str) -> np.ndarray:

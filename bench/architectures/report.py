@@ -67,7 +67,7 @@ def _of_use(
             f"{one.fewest}"
         )
     elif one.ties > 1:
-        gap, within = paired(folds(one.trial, use), folds(one.best, use))
+        gap, within = one.ahead
         text += (
             f"a tie of {one.ties} with the best, {words(one.best)}, which is ahead by "
             f"{_pm(gap, within, 2)}; fewest neurons of the tie {one.fewest}"

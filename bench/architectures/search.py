@@ -55,7 +55,7 @@ def searched(
         )
         if places.worker:
             return None
-        best = choices(tried)
+        best = choices(tried, judge.again)
         anew = {
             use: sweep.run(
                 judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}
