@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from tqdm import tqdm
+
 from bench.architectures.baselines import baselines
-from bench.architectures.choices import choices, front, headline_of, rows_of
+from bench.architectures.choices import Again, choices, front, headline_of, rows_of
 from bench.architectures.report import draw, sentence, table
 from bench.architectures.trials import (
     ALL_GIVEN,
@@ -20,6 +23,7 @@ from bench.architectures.trials import (
     space,
 )
 from softnn import json_file
+from softnn.search import Finished
 from softnn.study.common import save_figure
 from softnn.study.material_data import Data
 from softnn.study.settings import Places, Settings
@@ -55,7 +59,7 @@ def searched(
         )
         if places.worker:
             return None
-        best = choices(tried, judge.again)
+        best = choices(tried, once_more(trainer, judge.unseen))
         anew = {
             use: sweep.run(
                 judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}
@@ -104,6 +108,23 @@ def searched(
     if from_store:
         print(from_store)
     return found
+
+
+def once_more(trainer: Trainer, unseen: str) -> Again:
+    """Judges trials with folds and starting weights that nothing else has seen."""
+    seed = trainer.settings.seed + 2  # the one before is for what is chosen
+
+    def again(trials: Sequence[Finished], use: str) -> list[np.ndarray]:
+        split = unseen if use == "unseen" else use
+        every = tqdm(trials, f"once more, {use}", unit="trial", leave=False)
+        asked = (t.result["configuration"] | {"folds_seed": seed} for t in every)
+        parts = {split: slice(None)}
+        return [
+            np.array(trainer.judge_parts(chosen, parts)[split]["nrmse"])
+            for chosen in asked
+        ]
+
+    return again
 
 
 def keep(

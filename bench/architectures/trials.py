@@ -215,18 +215,6 @@ class Judge:
         """Every fold, whatever the front."""
         return self._submit(configuration(parameters), []).result()
 
-    def again(self, trials: Sequence[Finished], use: str) -> list[np.ndarray]:
-        """NRMSE by fold for one use, folds and starting weights drawn once more."""
-        seed = self.trainer.settings.seed + 2  # one after is for what is chosen
-        split = self.unseen if use == "unseen" else use
-        data, settings = self.trainer.data, self.trainer.settings
-        about = data, settings, split
-        asked = [t.result["configuration"] | {"folds_seed": seed} for t in trials]
-        if self._pool is None:
-            return [_errors(*about, chosen) for chosen in asked]
-        found = [self._pool.submit(_errors, *about, chosen) for chosen in asked]
-        return [one.result() for one in found]
-
     def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
         about = self.trainer.data, self.trainer.settings, self.unseen
         if self._pool is None:
@@ -272,15 +260,6 @@ def judged(
         "configuration": chosen,
         "stopped_after": stopped,
     }
-
-
-def _errors(
-    data: Data, settings: Settings, split: str, chosen: dict[str, Any]
-) -> np.ndarray:
-    """NRMSE by fold, all of one split."""
-    trainer = _trainer(data.digest, data, settings)
-    found = trainer.judge_parts(chosen, {split: slice(None)})
-    return np.array(found[split]["nrmse"])
 
 
 _TRAINERS: dict[tuple[str, Settings], Trainer] = {}
