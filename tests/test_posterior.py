@@ -22,10 +22,10 @@ from softnn.mismatch.posterior import (
 )
 
 N = 400
-HAND = Constants(2.0, 2.0, 4.0, 1.0, 3.0, 0.5, 4.0, 1.0, 2.0, 0.25, 3.0)
+HAND = Constants(2.0, 4.0, 1.0, 3.0, 0.5, 4.0, 1.0, 2.0, 0.25, 3.0)
 
 
-def account(*names, alone=0.0, beside=0.0, numbers=0, own=False, bare=0.0):
+def account(*names, alone=0.0, beside=0.0, numbers=0, own=False):
     """An account as the posterior sees it; `own`: each effect has values of its own."""
     pieces = [Piece(effect(n), {}, (), ()) for n in names]
     pieces.append(Piece(effect("gain_error"), {}, (), ((0,), (1,)), nuisance=True))
@@ -33,32 +33,30 @@ def account(*names, alone=0.0, beside=0.0, numbers=0, own=False, bare=0.0):
     places = [(i, (0,) if own else None) for i in range(len(names))]
     places += [(len(names), (1,)), (-1, (0,))]  # specimens, and a value of the base
     slots = [SimpleNamespace(piece=i, recordings=r) for i, r in places]
-    known = Evidence(bare, alone, beside, 0.0, 0.0, 0.0, 0.0, numbers)
+    known = Evidence(alone, alone, beside, 0.0, 0.0, 0.0, 0.0, numbers)
     fit = SimpleNamespace(guess=guess, residual=np.zeros(N), slots=slots)
     return Account(fit, known)
 
 
 def test_features_are_counted():
-    both = account(
-        "slack", "inertia", alone=50.0, beside=70.0, numbers=3, own=True, bare=40.0
-    )
+    both = account("slack", "inertia", alone=50.0, beside=70.0, numbers=3, own=True)
     price = 1.5 * np.log(N)
     row = features(Hypothesis(both))
-    assert row == pytest.approx([50, 70, price, 1, 1, np.log(N), 0, 40])
+    assert row == pytest.approx([50, 70, price, 1, 1, np.log(N), 0])
     # A scale that is a mistake pays by its prior alone.
     wrong = features(Hypothesis(account("gain_error", alone=9.0, own=True)))
-    assert wrong == pytest.approx([9, 0, 0, 1, 0, 0, 0, 0])
+    assert wrong == pytest.approx([9, 0, 0, 1, 0, 0, 0])
     # The scatter between specimens is no effect.
     row = features(Hypothesis(account(beside=5.0), True))
-    assert row == pytest.approx([5, 5, 0, 0, 0, 0, 1, 0])
+    assert row == pytest.approx([5, 5, 0, 0, 0, 0, 1])
 
 
 TABLE = np.array(
     [
-        [100.0, 0, 0, 0, 0, 0, 0, 0],  # nothing
-        [136.0, 0, 0, 0, 0, 0, 1, 0],  # something on no list
-        [165.0, 0, 1, 1, 0, 1, 0, 0],  # an effect, one number and that its own
-        [0.0, 153.0, 0, 1, 1, 0, 0, 0],  # two, as good as surely beside something else
+        [100.0, 0, 0, 0, 0, 0, 0],  # nothing
+        [136.0, 0, 0, 0, 0, 0, 1],  # something on no list
+        [165.0, 0, 1, 1, 0, 1, 0],  # an effect, one number and that its own
+        [0.0, 153.0, 0, 1, 1, 0, 0],  # two, as good as surely beside something else
     ]
 )
 COSTS = np.array([0.0, 3.0, 1.25, 3.0])
@@ -87,7 +85,7 @@ def test_a_law_and_something_else_share_one_evidence():
 
 def odds(gain, constants=HAND):
     """Log odds of an effect that gains so much over nothing."""
-    rows = np.zeros((2, 8))
+    rows = np.zeros((2, 7))
     rows[1, [0, 3]] = [gain, 1]
     rows[:, 1] = -np.inf
     nothing, effect_ = probabilities(rows, constants)
@@ -102,7 +100,7 @@ def test_odds_grow_as_a_power_of_what_is_gained():
 
 def test_the_same_lead_says_less_where_both_gain_much():
     def lead(gain):
-        rows = np.zeros((3, 8))
+        rows = np.zeros((3, 7))
         rows[1:, 0], rows[1:, 3] = [gain, gain + 12.0], 1.0
         rows[:, 1] = -np.inf
         _, second, first = probabilities(rows, HAND)
@@ -110,18 +108,6 @@ def test_the_same_lead_says_less_where_both_gain_much():
 
     assert lead(64.0) == pytest.approx(np.exp(12 / 8))
     assert lead(6400.0) == pytest.approx(np.exp(12 / 44))
-
-
-@pytest.mark.parametrize("left", [0.0, 1.0, 19.0])
-def test_leads_count_for_less_where_the_best_leaves_more(left):
-    """k is halfway to its loose one where a nat is left and t^2 g, 18 of 200."""
-    rows = np.zeros((3, 8))
-    rows[1:, 0], rows[1:, 3] = [200.0 - 12.8, 200.0], 1.0
-    rows[2, [1, 7]] = 200.0 + left * 19.0, 200.0
-    constants = replace(HAND, loose=1.0, share=0.0, error=0.0, both=1e9)
-    _, second, first = probabilities(rows, constants)
-    k = 1 + 1 / (1 + left)
-    assert np.log(first / second) == pytest.approx(k * (1 + np.log(12.8 / k)))
 
 
 def test_a_small_gain_counts_as_its_likelihood():
@@ -159,7 +145,7 @@ def test_probabilities_are_those_of_the_weights_and_sum_to_one():
 
 def test_all_alike_are_alike_and_evidence_beyond_floats_is_no_trouble():
     same = [account(alone=1.0, beside=1.0), account("slack", alone=1.0, beside=-1e9)]
-    free = Constants(2.0, 2.0, 2.0, 1.0, 3.0, 0.05, *[0.0] * 5)
+    free = Constants(2.0, 2.0, 1.0, 3.0, 0.05, *[0.0] * 5)
     np.testing.assert_allclose(posterior(same, free).probability, 1 / 3)
     far = [account(), account("slack", alone=1e8, beside=1e8)]
     sharp = replace(HAND, share=0.0)

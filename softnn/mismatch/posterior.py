@@ -15,16 +15,10 @@ with g what the effects of the hypothesis gain over nothing: the logarithm of th
 likelihood has a standard deviation of sqrt(2 g). For small differences it is the
 likelihood to a power of one at most, the less the more is explained (Miller and Dunson
 2019, doi:10.1080/01621459.2018.1469995); large ones count as a power of themselves
-only, as odds do under an error of Student's kind. Tails are the heavier the more the
-best account leaves to be bent or added, D, against what laws would leave that are wrong
-by the largest form error t: where nothing is left the laws stand as they are, and where
-much is, they cannot,
-
-.. math:: k = k_{loose} + \frac{k_{tail} - k_{loose}}{1 + D / (1 + t^2 g_{max})}
-
-k is another for nothing, where no law can be wrong, but noise. The constants are fitted
-by maximum likelihood to development cases (`bench.calibrate`). Names, verdict and
-equivalents are all read off these probabilities.
+only, as odds do under an error of Student's kind. k is another for nothing, where no
+law can be wrong, but noise. The constants are fitted by maximum likelihood to
+development cases (`bench.calibrate`). Names, verdict and equivalents are all read off
+these probabilities.
 """
 
 from __future__ import annotations
@@ -37,7 +31,7 @@ import numpy as np
 
 from softnn.contracts import Array
 from softnn.mismatch.accounts import Account
-from softnn.mismatch.evidence import FORM, mistaken
+from softnn.mismatch.evidence import mistaken
 
 NAMED, SURE = 0.5, 0.9  # probabilities from which an effect is named, and said so
 LIKELY = 0.1  # of the probability of the best, from which another is as good a reading
@@ -47,17 +41,16 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 1.536  # k of laws that leave nothing
-    loose: float = 0.3313  # k of laws that leave much
-    noise: float = 6.95  # k of nothing
-    number: float = 0.6653  # of (log n) / 2, the price of a number
-    error: float = 0.0989  # s
-    share: float = 0.0523  # r, of the root of what effects gain
-    both: float = 5.657  # of something else beside effects, in their evidence
-    first: float = 3.787  # cost of any effect, nats
-    more: float = 3.471  # of each further one
-    own: float = 0.0382  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.115  # of something on no list
+    tail: float = 1.444  # k
+    noise: float = 6.871  # k of nothing
+    number: float = 0.557  # of (log n) / 2, the price of a number
+    error: float = 0.0971  # s
+    share: float = 0.0503  # r, of the root of what effects gain
+    both: float = 6.237  # of something else beside effects, in their evidence
+    first: float = 4.577  # cost of any effect, nats
+    more: float = 3.192  # of each further one
+    own: float = 0.0359  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.333  # of something on no list
 
 
 CONSTANTS = Constants()
@@ -76,7 +69,7 @@ class Hypothesis:
 
 
 def features(hypothesis: Hypothesis) -> Array:
-    """What the constants weigh (8,): evidence, price of the numbers, counts."""
+    """What the constants weigh (7,): evidence, price of the numbers, counts."""
     account, count = hypothesis.account, len(hypothesis.effects)
     one = 0.5 * np.log(len(account.fit.residual))
     evidence, pieces = account.evidence, account.fit.guess.pieces
@@ -95,7 +88,6 @@ def features(hypothesis: Hypothesis) -> Array:
             max(count - 1, 0),
             own * one,
             hypothesis.other,
-            evidence.bare,
         ],
         float,
     )
@@ -110,18 +102,15 @@ def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
 
 
 def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
-    """Of hypotheses with these `features` (hypotheses, 8), the first of nothing."""
+    """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
     k = constants
     gain = _evidence(table, k)[0] - k.number * table[:, 2]
     own = np.where(table[:, 3] > 0, np.maximum(gain - gain[0], 0.0), 0.0)
     behind = (gain.max() - gain) / (1 + k.error + k.share * np.sqrt(own))
-    best = int(np.argmax(np.where(table[:, 6] > 0, -np.inf, gain)))
-    left = max(table[best, 1] - table[best, 7], 0.0) / (1 + max(FORM) ** 2 * own[best])
-    tail = np.full(len(gain), k.loose + (k.tail - k.loose) / (1 + left))
-    tail[0] = k.noise
+    tail = np.where(np.arange(len(gain)) == 0, k.noise, k.tail)
     far = tail * (1 + np.log(np.maximum(behind, tail) / tail))
     costs = np.array([k.first, k.more, k.own, k.other])
-    log = -np.where(behind < tail, behind, far) - table[:, 3:7] @ costs
+    log = -np.where(behind < tail, behind, far) - table[:, 3:] @ costs
     weight = np.exp(log - log.max())
     return np.asarray(weight / weight.sum())
 
