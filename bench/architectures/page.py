@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from bench.architectures.choices import (
+    FINALISTS,
     USES,
     folds_of,
     rival_of,
@@ -30,8 +31,12 @@ ROOT = Path(__file__).resolve().parents[2]
 MARK = "<!-- made by python -m studies.architectures_page -->"
 MADE = (
     "Made by `python -m studies.architectures_page` from `studies/results`; no number "
-    "here is typed. Errors are NRMSE, +- one standard error over folds. A network that "
-    "was chosen is judged again: random folds and starting weights are drawn anew, the "
+    "here is typed. Errors are NRMSE, +- one standard error over folds. Of a search "
+    f"the {FINALISTS} best for a use are judged once more, with other random folds and "
+    "starting weights; by both a network is chosen, the smallest of those that tie "
+    "with the best: behind by no more than one standard error of the paired "
+    "difference over folds, nor of the best itself. What was chosen is judged again: "
+    "random folds and starting weights are drawn anew, the "
     "rates or recordings held out are those it was chosen by, so that error is a "
     "little flattered. Piecewise-linear models (PL) and boosted trees are fitted, and "
     "chosen, on the training recordings of each fold alone. A search begins with every "
