@@ -44,10 +44,14 @@ def run(a: Any) -> None:
     place = results_folder(a.smoke)
     kept = place / "lacks.json"
     found: dict[str, Any] = {}
+    worse = smallest() if a.smoke else wanted()
     if kept.exists():
         found = json.loads(kept.read_text(encoding="utf-8"))["materials"]
+    # Of others, or of networks that are chosen no more, nothing is carried on.
+    now = {one["label"]: one["choices"]["unseen"]["words"] for one, _ in worse}
+    found = {k: row for k, row in found.items() if row["network"] == now.get(k)}
     known: dict[str, str] = {}
-    for one, settings in smallest() if a.smoke else wanted(a.only):
+    for one, settings in (w for w in worse if a.only in w[0]["label"]):
         found[one["label"]] = asked(one, settings, 1 if a.smoke else MOST)
         known[one["label"]] = one["data_sha256"]
         print(f"{one['label']}: {found[one['label']]['summary']}", flush=True)
@@ -56,13 +60,13 @@ def run(a: Any) -> None:
         raise InputError("no network of studies/results is worse than its PL model")
 
 
-def wanted(only: str) -> list[tuple[Result, Result]]:
+def wanted() -> list[tuple[Result, Result]]:
     """Materials on which the network is worse, each with the settings of its study."""
     return [
         (one, result["settings"])
         for result in result_files(RESULTS).values()
         for one in result["materials"]
-        if only in one["label"] and worse_by(one) is not None
+        if worse_by(one) is not None
     ]
 
 
