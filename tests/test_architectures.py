@@ -3,13 +3,16 @@
 from concurrent.futures import Future
 from datetime import datetime
 from threading import Timer
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from bench.architectures.choices import choices, folds, front, paired, words
+from bench.architectures.search import once_more
 from bench.architectures.trials import beaten, conditions, configuration
 from softnn.search import TOGETHER, Finished, Range, Search
+from softnn.study.settings import Settings
 from studies import architectures, neurons
 
 NOW = datetime(2026, 1, 1)
@@ -53,6 +56,24 @@ def test_luck_of_one_draw_does_not_choose():
 
     found = choices(trials, once_more)["unseen"]
     assert (found.trial.number, found.ties) == (1, 1)
+
+
+@pytest.mark.parametrize(("use", "split"), [("random", "random"), ("unseen", "rate")])
+def test_finalists_are_judged_by_what_nothing_else_has_seen(use, split):
+    asked = []
+
+    def judge_parts(chosen, parts):
+        asked.append((chosen, parts))
+        return {split: {"nrmse": [0.1 * len(asked), 0.2]}}
+
+    trainer = SimpleNamespace(settings=Settings(seed=5), judge_parts=judge_parts)
+    tried = [trial(k, [0.1], [0.2], neurons=k + 1) for k in range(2)]
+    found = once_more(trainer, "rate")(tried, use)
+    np.testing.assert_allclose(found, [[0.1, 0.2], [0.2, 0.2]])
+    for one, (chosen, parts) in zip(tried, asked, strict=True):
+        assert parts == {split: slice(None)}  # every fold
+        assert chosen.pop("folds_seed") not in (5, 6)  # of the search; of the choice
+        assert chosen == one.result["configuration"]
 
 
 def test_front_holds_what_nothing_beats_in_both():

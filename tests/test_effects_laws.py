@@ -80,6 +80,18 @@ def test_a_cyclic_set_grows_with_the_logarithm_of_cycles():
     np.testing.assert_allclose(out[400::800], peaks, rtol=1e-9)
 
 
+@pytest.mark.parametrize("pace", [0.0, 0.01, 3.0])
+def test_an_element_yields_later_the_faster_it_is_strained(pace):
+    # Flowing steadily g is still: r = (r + rho) (g / y)^n at a strain rate of r.
+    rate, values = 0.01, {"stiffness_MPa": 2.0, "yield_strain": 0.3, "sharpness": 9.0}
+    strain = np.linspace(0, 3, 3001)
+    chunk = Chunk(strain / rate, strain)
+    values["pace_per_s"] = pace
+    out = spring_with("permanent_set", "PlasticElement", values, chunk) - strain
+    still = 0.3 * (rate / (rate + pace)) ** (1 / 9)
+    assert out[-1] == pytest.approx(2.0 * still, rel=1e-3)
+
+
 def test_friction_grown_by_a_large_cycle_stays_grown():
     values = {"friction_MPa": 0.2, "presliding": 1e-3, "spread": 0.05}
     chunk = there_and_back([0, 0.3, 0.1, 0.9, 0.1, 0.3])

@@ -184,8 +184,8 @@ def worse(one: Result) -> str:
         return ""
     model, gap = found
     return (
-        f" **{model} foretells what was never seen better than any network tried**, by "
-        f"{common.percent(gap, 1)}: take it there."
+        f" **{model} foretells what was never seen better than the network chosen**, "
+        f"by {common.percent(gap, 1)}: take it there."
     )
 
 
