@@ -8,7 +8,8 @@ and errors at no more than six thousand, so beyond these the cost is that of rea
 Unthinned: the same code told to use every sample, which is what its algorithms cost.
 A slope on log-log axes of 1 is linear; what is paid once per case makes it less.
 
-Seconds mean something on an idle machine only.
+Seconds mean something on an idle machine only. What is finished is kept (--fresh starts
+anew).
 """
 
 from __future__ import annotations
@@ -33,14 +34,19 @@ from bench.concealed.planting import Planted
 from bench.concealed.settings import Setting
 from bench.concealed.trial import check_names
 from softnn.contracts import InputError
+from softnn.database import Store
 from softnn.mismatch import accounts, diagnose, diagnosis, read_case
 from softnn.study.common import (
     COLOURS,
+    code_of,
+    fingerprint,
     guarded,
     markdown,
     new_figure,
+    package_files,
     parser,
     results_folder,
+    runs_folder,
     save_figure,
     write_result,
 )
@@ -167,11 +173,12 @@ def timed(folder: Path, repeats: int) -> dict[str, Any]:
     }
 
 
-def measure(a: argparse.Namespace) -> list[dict[str, Any]]:
+def measure(a: argparse.Namespace, store: Store) -> list[dict[str, Any]]:
     """Rows of all timings: which curve, which effect, how many."""
     from tqdm import tqdm
 
     rows: list[dict[str, Any]] = []
+    known = store.rows()
     total = len(a.effects) * (len(a.sizes) + len(a.unthinned) + len(a.pools))
     bar = tqdm(total=total, unit="timing", file=sys.stderr)
     for effect in a.effects:
@@ -185,7 +192,11 @@ def measure(a: argparse.Namespace) -> list[dict[str, Any]]:
 
             def add(curve: str, count: int, folder: Path, name: str = effect) -> None:
                 row = {"curve": curve, "planted": name, "count": count}
-                rows.append(row | timed(folder, a.repeats))
+                key = fingerprint([row, a.usual, a.repeats, a.seed])
+                if key not in known:
+                    store.add(key, row | timed(folder, a.repeats))
+                    known[key] = store.rows()[key]
+                rows.append(known[key])
                 bar.update()
 
             for n in a.sizes:
@@ -297,6 +308,7 @@ def make_parser() -> argparse.ArgumentParser:
     p.add_argument("--effects", nargs="+", default=PLANTED, metavar="EFFECT")
     p.add_argument("--repeats", type=int, default=2, help="the least counts (2)")
     p.add_argument("--out", type=Path, help="folder (studies/results)")
+    p.add_argument("--fresh", action="store_true", help="forget finished timings")
     p.set_defaults(usual=USUAL)
     return p
 
@@ -314,7 +326,9 @@ def run(a: argparse.Namespace) -> None:
     if a.smoke:
         a.effects, a.repeats, a.usual = ("zero_offset",), 1, 100
         a.sizes, a.unthinned, a.pools = (100, 200), (100, 200), (1, 3)
-    rows = measure(a)
+    file = runs_folder(a.smoke) / "cost.sqlite"
+    with Store(file, code_of(package_files()), fresh=a.smoke or a.fresh) as store:
+        rows = measure(a, store)
     names = ("samples", "unthinned", "effects")
     curves = {name: curve_of(rows, name) for name in names}
     print(as_markdown(curves))

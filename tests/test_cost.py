@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench import cost
+from softnn.database import Store
 from softnn.mismatch import diagnose, diagnosis, read_case
 
 
@@ -81,3 +82,28 @@ def test_refusals(capsys):
     assert "no effect is called 'magic'" in capsys.readouterr().err
     assert cost.main(["--sizes", "10"]) == 2
     assert "sizes start at 50" in capsys.readouterr().err
+
+
+def test_what_is_timed_is_not_timed_again(monkeypatch, tmp_path):
+    a = cost.make_parser().parse_args(["--sizes", "60", "70", "--unthinned", "60"])
+    a.effects, a.pools, a.usual, a.repeats = ["zero_offset"], [1], 60, 1
+    timed: list[str] = []
+
+    def until(most):
+        def time_one(folder, _repeats):
+            if len(timed) == most:
+                raise KeyboardInterrupt
+            timed.append(folder.name)
+            return {"seconds": float(len(timed)), "read_s": 0.5}
+
+        return time_one
+
+    with Store(tmp_path / "cost.sqlite") as store:
+        monkeypatch.setattr(cost, "timed", until(2))
+        with pytest.raises(KeyboardInterrupt):
+            cost.measure(a, store)
+        monkeypatch.setattr(cost, "timed", until(99))
+        rows = cost.measure(a, store)
+    assert timed == ["60", "70", "60", "60"]
+    assert [r["seconds"] for r in rows] == [1.0, 2.0, 3.0, 4.0]
+    assert [r["curve"] for r in rows] == ["samples", "samples", "unthinned", "effects"]
