@@ -2,8 +2,9 @@
 
 Folders of cases with their truths (`cases/`, `truth/`), of development families only,
 are searched as `softnn diagnose` does, and again without the form of the law that suits
-the truth best; the constants of `softnn.mismatch.posterior` are those under which the
-truths are likeliest. Cross-validated over cases; written to
+the truth best; the constants of `softnn.mismatch.posterior` are those under which names
+are likeliest where they are true, and unlikeliest where they are not. Cross-validated
+over cases; written to
 studies/results/calibration.json, from where they are copied into the code by hand.
 """
 
@@ -13,37 +14,39 @@ import json
 import shutil
 from collections.abc import Sequence
 from concurrent.futures import as_completed
-from dataclasses import astuple, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from bench.hands.forging import forge
-from softnn.contracts import InputError
+from softnn.contracts import Array, InputError
 from softnn.database import Store
 from softnn.effects import EFFECTS
 from softnn.mismatch import read_case
 from softnn.mismatch.accounts import Search, search, value
-from softnn.mismatch.diagnosis import start
+from softnn.mismatch.base import start
 from softnn.mismatch.posterior import CONSTANTS, Constants, probabilities, table
+from softnn.study.code import files_of
 from softnn.study.common import (
     RUNS,
     code_of,
     guarded,
-    package_files,
     parser,
     results_folder,
     write_result,
 )
 from softnn.workers import workers
 
-LEAST = -10.0  # log probability: a truth less likely than this is no lesson
-PULL = 0.01  # towards the constants before, in logarithms
+CLIP = 1e-4  # a name surer than that, and wrong, is no greater lesson
+PULL = 0.003  # towards the constants before, in logarithms
 FOLDS = 5
+START = "softnn.mismatch"  # where a search begins
 
 
 def lesson(case: Path, truth: Path) -> list[dict[str, Any]]:
@@ -66,17 +69,12 @@ def lesson(case: Path, truth: Path) -> list[dict[str, Any]]:
 
 def taught(case: str, told: dict[str, Any], found: Search) -> dict[str, Any]:
     """What one search teaches."""
-    rows = table(found.accounts)
-    true = frozenset(told["effects"]), told["cls"] == "alien"
     return {
         "case": case,
         "cls": told["cls"],
         "effects": told["effects"],
-        "energy": told.get("energy_after_refit"),
-        "noise": told["noise"]["kind"],
-        "sets": [[sorted(h.effects), h.other] for h, _ in rows],
-        "features": [row.tolist() for _, row in rows],
-        "true": [(h.effects, h.other) == true for h, _ in rows],
+        "sets": [sorted(a.effects) for a in found.accounts],
+        "figures": [a.figures.tolist() for a in found.accounts],
     }
 
 
@@ -91,10 +89,19 @@ def suiting(found: Search, true: frozenset[str]) -> frozenset[str]:
     return frozenset(law.form for law in laws if law.id in several)
 
 
+def searching() -> tuple[Path, ...]:
+    """The files that a search runs: no constant of the posterior changes a lesson."""
+    found = {f for m in ("accounts", "base") for f in files_of(f"{START}.{m}", False)}
+    return tuple(sorted(found))
+
+
 def lessons(folder: Path, jobs: int, fresh: bool) -> list[dict[str, Any]]:
     """The lessons of a folder; those that this code has learned before are kept."""
     file = RUNS / "calibrate" / f"{folder.resolve().name}.sqlite"
-    with Store(file, code_of(package_files()), fresh) as store, workers(jobs) as pool:
+    with (
+        Store(file, code_of(searching(), words=False), fresh) as store,
+        workers(jobs) as pool,
+    ):
         known = store.rows()
         futures = {
             pool.submit(lesson, c, folder / "truth" / c.name / "truth.json"): c.name
@@ -107,23 +114,61 @@ def lessons(folder: Path, jobs: int, fresh: bool) -> list[dict[str, Any]]:
     return [one for _, row in rows for one in row["lessons"]]
 
 
-def log_probability(one: dict[str, Any], constants: Constants) -> float:
-    """Of the truth of a lesson; -inf where the search did not come to it."""
-    true = np.array(one["true"])
-    if not true.any():
-        return -np.inf
-    return float(np.log(probabilities(np.array(one["features"]), constants)[true][0]))
+@dataclass(frozen=True)
+class Lessons:
+    """Rows of all lessons, padded with rows of no evidence.
+
+    `every` (lessons, hypotheses, 7) as `probabilities` takes it; `holds` (lessons,
+    hypotheses, names) where a hypothesis holds an effect, or is that nothing is missing
+    (the last); `true` (lessons, names).
+    """
+
+    every: Array
+    holds: Array
+    true: Array
+
+    def some(self, which: NDArray[np.bool_]) -> Lessons:
+        return Lessons(self.every[which], self.holds[which], self.true[which])
 
 
-def fitted(known: Sequence[dict[str, Any]], before: Constants) -> Constants:
-    """Constants of greatest penalised likelihood; all are positive."""
+def stacked(known: Sequence[dict[str, Any]]) -> Lessons:
+    places = {law.id: k for k, law in enumerate(EFFECTS)}
+    tables, kept = [], []
+    true = np.zeros((len(known), len(places) + 1))
+    for one, told in zip(known, true, strict=True):
+        sets = [frozenset(s) for s in one["sets"]]
+        found, rows = table(sets, np.array(one["figures"]))
+        rows[:, :3] -= rows[0, 1]  # a likelihood has no origin
+        tables.append(rows)
+        kept.append([(sets[i], other) for i, other in found])
+        told[[places[name] for name in one["effects"]]] = 1.0
+        told[-1] = one["cls"] == "null"
+    size = max(map(len, tables))
+    every = np.zeros((len(tables), size, tables[0].shape[1]))
+    every[..., 1:3] = -np.inf
+    holds = np.zeros((*every.shape[:2], true.shape[1]))
+    for k, (rows, sets_) in enumerate(zip(tables, kept, strict=True)):
+        every[k, : len(rows)] = rows
+        for h, (names, other) in enumerate(sets_):
+            holds[k, h, [places[name] for name in names]] = 1.0
+            holds[k, h, -1] = not names and not other
+    return Lessons(every, holds, true)
+
+
+def log_score(lessons: Lessons, constants: Constants) -> Array:
+    """Of each lesson, over all names: log P of what is there, log 1 - P of the rest."""
+    p = probabilities(lessons.every, constants)
+    name = np.clip(np.einsum("lh,lhe->le", p, lessons.holds), CLIP, 1 - CLIP)
+    return np.asarray(np.log(np.where(lessons.true > 0, name, 1 - name)).sum(axis=-1))
+
+
+def fitted(lessons: Lessons, before: Constants) -> Constants:
+    """Constants of the greatest penalised log score; all are positive."""
     start_ = np.log(astuple(before))
 
-    def loss(z: np.ndarray) -> float:
-        at = Constants(*np.exp(z))
-        values = [log_probability(k, at) for k in known if any(k["true"])]
+    def loss(z: Array) -> float:
         pull = PULL * np.sum((z - start_) ** 2)
-        return float(pull - np.mean(np.logaddexp(values, LEAST)))
+        return float(pull - np.mean(log_score(lessons, Constants(*np.exp(z)))))
 
     best = minimize(loss, start_, method="L-BFGS-B")
     return Constants(*(float(x) for x in np.exp(best.x)))
@@ -143,19 +188,18 @@ def run(
     folds = min(FOLDS, len(cases))
     of = dict(zip(cases, rng.permutation(len(cases)) % folds, strict=True))
     fold = np.array([of[one["folder"], one["case"]] for one in known])
+    every = stacked(known)
     unseen = np.full(len(known), np.nan)
     for k in range(folds):
-        at = fitted([o for o, f in zip(known, fold, strict=True) if f != k], CONSTANTS)
-        for i in np.flatnonzero(fold == k):
-            unseen[i] = log_probability(known[i], at)
-    final = fitted(known, CONSTANTS)
+        at = fitted(every.some(fold != k), CONSTANTS)
+        unseen[fold == k] = log_score(every.some(fold == k), at)
+    final = fitted(every, CONSTANTS)
     names = [f.name for f in fields(Constants)]
     return {
         "headline": {
             "cases": len(cases),
             "lessons_without_the_form": sum("unknown" in one for one in known),
-            "truth_tried": sum(any(one["true"]) for one in known),
-            "log_score_unseen": float(np.mean(np.maximum(unseen, LEAST))),
+            "log_score_unseen": float(np.mean(unseen)),
         },
         "constants": dict(zip(names, astuple(final), strict=True)),
     }

@@ -35,7 +35,7 @@ from bench.concealed.settings import Setting
 from bench.concealed.trial import check_names
 from softnn.contracts import InputError
 from softnn.database import Store
-from softnn.mismatch import accounts, diagnose, diagnosis, read_case
+from softnn.mismatch import accounts, base, diagnose, read_case
 from softnn.study.common import (
     COLOURS,
     code_of,
@@ -119,8 +119,8 @@ def specimen(effect: str, seed: int) -> Specimen:
 def unthinned() -> Iterator[None]:
     """Every sample is used, in the search and after it."""
     with (
-        mock.patch.object(diagnosis, "SEARCH", EVERY),
-        mock.patch.object(diagnosis, "REPORT", EVERY),
+        mock.patch.object(base, "SEARCH", EVERY),
+        mock.patch.object(base, "REPORT", EVERY),
     ):
         yield
 
@@ -341,8 +341,8 @@ def run(a: argparse.Namespace) -> None:
         "slope_samples_unthinned": curves["unthinned"]["slope"],
         "slope_effects": curves["effects"]["slope"],
         "seconds_for_one_more_effect": curves["effects"]["seconds_for_one_more"],
-        "search_samples": diagnosis.SEARCH,
-        "report_samples": diagnosis.REPORT,
+        "search_samples": base.SEARCH,
+        "report_samples": base.REPORT,
         "cores": os.cpu_count(),
     }
     folder = a.out or results_folder(a.smoke)

@@ -3,8 +3,9 @@
 An effect is named when it is in `selected`, whatever its probability; that holds for
 cases of every class. Right is: of one effect or two, those and nothing else; of none,
 `nothing_missing` and no name; of what is on no list ("alien"), no name; of one effect
-beside that ("mixed"), its name alone. A case without a diagnosis is wrong. What nobody
-could see is counted apart (`Truth.seen`).
+beside that ("mixed"), its name alone; of effects whose laws are wrong ("bent"), those
+and nothing else. A case without a diagnosis is wrong. What nobody could see is counted
+apart (`Truth.seen`).
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ SEEN = 40.0  # whitened energy beyond the refitted base; below it nothing is to 
 SURE = 0.9  # a name given this probability or more is asserted
 CLIP = 1e-3  # a probability of 0 that comes true would cost an infinite log score
 NOISE = 1.01  # times the noise, up to which nothing is left to tell anything by
-CLASSES = {"null": 0, "single": 1, "pair": 2, "alien": 0, "mixed": 1}  # effects
+# Effects of each; of what is bent, one to three.
+CLASSES = {"null": 0, "single": 1, "pair": 2, "alien": 0, "mixed": 1, "bent": None}
+APART = ("mixed", "bent")  # beside the bars
 AND_MORE, SEVERAL = "it and more", "several"
 ABSENT: dict[str, Any] = {"verdict": "no diagnosis", "selected": [], "mismatch": []}
 
@@ -160,7 +163,7 @@ def part(rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "ranking": {
             **by_class(listed, lambda some: rate(some, leads)),
-            "all": rate([r for r in listed if r["cls"] != "mixed"], leads),
+            "all": rate([r for r in listed if r["cls"] not in APART], leads),
         },
         "naming": by_class(rows, rate),
         "unsure": by_class(rows, lambda some: rate(some, "unsure")),
@@ -252,7 +255,7 @@ def confusion(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
     """Counts, row by truth (single effects, null, alien), column by what is named."""
     result: dict[str, Counter[str]] = {n: Counter() for n in (*NAMES, "null", "alien")}
     for r in rows:
-        if r["cls"] not in ("pair", "mixed"):
+        if r["cls"] not in ("pair", *APART):
             result["+".join(r["effects"]) or r["cls"]][column(r)] += 1
     return {name: dict(counts) for name, counts in result.items() if counts}
 

@@ -7,7 +7,7 @@ import pytest
 
 from bench import cost
 from softnn.database import Store
-from softnn.mismatch import diagnose, diagnosis, read_case
+from softnn.mismatch import base, diagnose, read_case
 
 
 @pytest.fixture(scope="module")
@@ -47,10 +47,10 @@ def test_only_the_pool_is_chosen_from(offset, tmp_path):
 
 
 def test_unthinned_is_undone():
-    before = diagnosis.SEARCH, diagnosis.REPORT
+    before = base.SEARCH, base.REPORT
     with cost.unthinned():
-        assert min(diagnosis.SEARCH, diagnosis.REPORT) == cost.EVERY
-    assert (diagnosis.SEARCH, diagnosis.REPORT) == before
+        assert min(base.SEARCH, base.REPORT) == cost.EVERY
+    assert (base.SEARCH, base.REPORT) == before
 
 
 def test_curve_by_hand():

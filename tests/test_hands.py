@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.special import erf
 
 from bench.concealed.sealing import read_truth
-from bench.hands import kernels, noises, programmes, softening
+from bench.hands import bending, kernels, noises, programmes, softening
 from bench.hands.bases import Base
 from bench.hands.drawing import draw, draw_setup
 from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Law
@@ -289,7 +290,7 @@ def test_rounded_corners_keep_the_first_strain():
 
 
 def test_same_seed_same_files_and_no_hint_in_the_cases(tmp_path: Path):
-    counts = {"nulls": 1, "singles": 2, "pairs": 1, "aliens": 1, "mixed": 1}
+    counts = {"nulls": 1, "singles": 2, "pairs": 1, "aliens": 1, "mixed": 1, "bent": 1}
     for folder in ("a", "b"):
         forge(tmp_path / folder, seed=4, side=HELD_OUT, **counts)
     first = sorted(p for p in (tmp_path / "a").rglob("*") if p.is_file())
@@ -299,6 +300,7 @@ def test_same_seed_same_files_and_no_hint_in_the_cases(tmp_path: Path):
     told = [json.loads(p.read_text()) for p in (tmp_path / "a/truth").rglob("*.json")]
     assert sorted(t["cls"] for t in told) == [
         "alien",
+        "bent",
         "mixed",
         "null",
         "pair",
@@ -328,6 +330,51 @@ def test_one_effect_beside_a_stranger_is_told_so(side, tmp_path: Path):
     assert min(told["energy_beyond_the_other"].values()) > 0
     truth = read_truth("a", told)
     assert (truth.cls, truth.effects) == ("mixed", (effect,))
+
+
+def test_bends_bend_and_none_bends_nothing():
+    rng = np.random.default_rng(3)
+    time, e = np.linspace(0, 20, 400), np.abs(np.sin(np.linspace(0, 9, 400)))
+    change = 0.1 * e**2
+    most = float(change.max())
+    none = bending.Bend(0.0, 0.0, 0.0, 0.0, 1.0)
+    np.testing.assert_allclose(none(change, most, e, 1.0, time), change)
+    # A power of the size alone, by hand.
+    sized = replace(none, size=0.5)(change, most, e, 1.0, time)
+    small = bending.SMALL
+    by_hand = change * np.sqrt((change / most + small) / (1 + small))
+    np.testing.assert_allclose(sized, np.maximum(by_hand, bending.LOW * change))
+    # What is late arrives late: it lags at the first rise, and all of it in the end.
+    late = replace(none, late=1.0, lag_s=0.5)
+    step = np.where(time > 5, 1.0, 0.0)
+    assert late(step, 1.0, step, 1.0, time)[102] < 0.5
+    assert late(step, 1.0, step, 1.0, time)[-1] == pytest.approx(1.0)
+    law = replace(LAWS[0], stage="material")
+    sizes = [bending.draw_bend(rng, 0.3, 1.0).size for _ in range(400)]
+    assert np.std(sizes) == pytest.approx(0.3, rel=0.1)
+    machine = replace(law, stage="sensor")
+    setup = SimpleNamespace(pace_s=1.0, model="wiechert")
+    drawn = [bending.Bends.draw(rng, [law, machine], setup) for _ in range(300)]
+    spread = np.std([[b.size for b in d.laws] for d in drawn], axis=0)
+    assert spread[0] / spread[1] == pytest.approx(10, rel=0.25)
+    # A straight base takes no curve: that would be an effect.
+    assert {(d.bare.size, d.bare.strain) for d in drawn} == {(0.0, 0.0)}
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_wrong_laws_of_one_to_three_effects(index):
+    case = draw(4, index, "bent", DEVELOPMENT)
+    assert len({law.effect for law in case.laws}) == len(case.laws) == index + 1
+    told = case.energies
+    assert told["energy_of_bare_bent"] < 0.1 * min(told["energy_alone"].values())
+    unbent = simulate(case.setup, case.planted)
+    changed = [b - u for b, u in zip(case.stress(), unbent, strict=True)]
+    assert max(float(np.abs(c).max()) for c in changed) > 0
+    fresh = replace(case, bends=None)
+    for a, b in zip(fresh.stress(), unbent, strict=True):
+        np.testing.assert_array_equal(a, b)
+    held = case.stress(held=True)
+    assert len(held) == len(case.setup.courses) - case.setup.n
 
 
 def test_nulls_conceal_nothing():

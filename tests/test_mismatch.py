@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from softnn.effects import effect
 from softnn.mismatch import diagnose, diagnosis, read_case, verdict, verify
 from softnn.mismatch.accounts import search
-from softnn.mismatch.base import baseline
+from softnn.mismatch.base import baseline, start
 from softnn.mismatch.candidates import ENTRY, expand
 from softnn.mismatch.case import to_data
 from softnn.mismatch.posterior import Hypothesis, Posterior
@@ -61,7 +61,7 @@ def test_softening_is_named_measured_and_located(tmp_path):
 def softened(tmp_path_factory):
     """What a search finds where softening is concealed; accounts by their effects."""
     folder = write_case(tmp_path_factory.mktemp("soft"), [mullins()])
-    found = search(diagnosis.start(read_case(folder)))
+    found = search(start(read_case(folder)))
     return found, {a.effects: a for a in reversed(found.accounts)}
 
 
@@ -94,7 +94,7 @@ def test_readings_that_share_the_probability_correct_without_a_name(
 
 
 def test_what_foretells_no_better_than_the_base_corrects_nothing(tmp_path, monkeypatch):
-    found = search(diagnosis.start(read_case(write_case(tmp_path))))  # only noise
+    found = search(start(read_case(write_case(tmp_path))))  # only noise
 
     def left(account):
         return verify.heldout(found.base.engine, account.fit).misfit

@@ -65,6 +65,17 @@ def test_one_rule_for_all_classes():
         assert not scoring.right(truth, scoring.ABSENT)
 
 
+def test_laws_that_are_wrong_stand_apart():
+    three = ("slack", "inertia", "sensor_lag")
+    some = [
+        (Truth("a", "bent", three, 9000), said("partly_explained", *three)),
+        (Truth("b", "bent", ("slack",), 9000), said("explained", *PAIR)),
+    ]
+    found = scoring.summary([scoring.row(t, d) for t, d in some])["visible"]
+    assert counts(found["naming"]) == {"bent": (1, 2)}
+    assert counts(found["ranking"]) == {"bent": (2, 2), "all": (0, 0)}
+
+
 def counts(rates: dict) -> dict:
     return {k: (v["right"], v["of"]) for k, v in rates.items()}
 

@@ -102,7 +102,11 @@ def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) ->
 
 def causes_table(misses: Sequence[Mapping[str, Any]], head: str = "planted") -> str:
     """Misses by what was planted and why, the most frequent first."""
-    several = {"pair": "two effects", "mixed": "one beside something on no list"}
+    several = {
+        "pair": "two effects",
+        "mixed": "one beside something on no list",
+        "bent": "laws that are wrong",
+    }
     counts = Counter(
         (several.get(m["cls"]) or "".join(m["effects"]) or m["cls"], m["cause"])
         for m in misses

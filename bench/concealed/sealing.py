@@ -102,13 +102,12 @@ def open_truths(folder: Path, stated: str) -> list[Truth]:
 def read_truth(case: str, told: Mapping[str, Any]) -> Truth:
     """A truth.json; without an energy a case is taken for one that can be seen."""
     effects = told.get("effects", [])
-    if CLASSES.get(told.get("cls", "")) != len(effects) or not set(effects) <= set(
-        NAMES
-    ):
+    count = CLASSES.get(told.get("cls", ""), -1)
+    if count not in (None, len(effects)) or not set(effects) <= set(NAMES):
+        each = ["any" if n is None else str(n) for n in CLASSES.values()]
         raise ValueError(
             f"truth of {case}: cls {told.get('cls')!r} with effects {effects}; a "
-            f"{', '.join(CLASSES)} has {', '.join(map(str, CLASSES.values()))} "
-            f"effects, of {', '.join(NAMES)}"
+            f"{', '.join(CLASSES)} has {', '.join(each)} effects, of {', '.join(NAMES)}"
         )
     energy = told.get("energy_after_refit")
     return Truth(

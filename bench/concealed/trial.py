@@ -44,7 +44,14 @@ from softnn.study.common import (
 SOFTNN = [sys.executable, "-m", "softnn.cli"]
 HANDS = [sys.executable, "-m", "bench.hands"]
 SIDES = ("development", "held-out")
-COUNTS = {"nulls": 50, "singles": 100, "pairs": 40, "aliens": 30, "mixed": 20}
+COUNTS = {
+    "nulls": 50,
+    "singles": 100,
+    "pairs": 40,
+    "aliens": 30,
+    "mixed": 20,
+    "bent": 20,
+}
 TIMED_CASES = 3  # diagnosed once more, one at a time, for the time a user waits
 
 
@@ -57,6 +64,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--unlisted", "--aliens", type=int, dest="aliens", help="three times --cases"
     )
     p.add_argument("--mixed", type=int, help="with --hands: one beside a stranger")
+    p.add_argument("--bent", type=int, help="with --hands: laws that are wrong")
     p.add_argument("--singles", type=int, help="with --hands: of all effects together")
     p.add_argument("--only", nargs="+", default=[], metavar="EFFECT")
     p.add_argument("--strength", type=float, default=1.0, help="of the effects (1)")

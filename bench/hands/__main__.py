@@ -15,7 +15,7 @@ def main() -> None:
         "--side", choices=("development", "held-out"), default="development"
     )
     parser.add_argument("--seed", type=int, default=1)
-    for name in ("nulls", "singles", "pairs", "aliens", "mixed"):
+    for name in ("nulls", "singles", "pairs", "aliens", "mixed", "bent"):
         parser.add_argument(f"--{name}", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--jobs", type=int, default=1)

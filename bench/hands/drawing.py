@@ -7,12 +7,13 @@ reach the energy drawn for it. No diagnosis is asked.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from bench.hands.bases import Base
+from bench.hands.bending import Bends, simulate_bent
 from bench.hands.families import SIDES, Act, Array, Law, Rng, loguniform
 from bench.hands.materials import SKELETONS, draw_material
 from bench.hands.noises import KINDS, Noise, draw_noise
@@ -22,6 +23,9 @@ from bench.hands.testing import Planted, Setup, simulate
 
 ADEQUATE = 3.0
 ENERGIES = (20.0, 30000.0)
+BENT = (1000.0, 1e6)  # energies of what is bent
+QUIET = (0.1, 0.5)  # of the usual noise, over which it is seen
+BARE = 0.1  # of what any law would leave, that the bare response bent may leave
 BACK_AND_FORTH = {
     "mullins_softening",
     "permanent_set",
@@ -43,13 +47,19 @@ class Case:
     noise: Noise
     laws: tuple[Law, ...]
     planted: list[tuple[Act, float]]
-    clean: list[Array]
     specimens: str  # none, said or unsaid
     temperature: bool
     missing: float
     energies: dict[str, Any]
     tries: int
     rng: Rng = field(repr=False)
+    bends: Bends | None = None
+
+    def stress(self, held: bool = False) -> list[Array]:
+        """Noise-free, at the samples of the recordings, or of those held."""
+        if self.bends is None:
+            return simulate(self.setup, self.planted, held)
+        return simulate_bent(self.setup, self.planted, self.bends, held)
 
 
 def _habits(rng: Rng, effects: set[str], model: str, home: bool, warm: bool) -> Habits:
@@ -181,6 +191,19 @@ def measured(
     return out
 
 
+def _bends(
+    rng: Rng, laws: tuple[Law, ...], base: Base, most: float
+) -> tuple[Bends, float]:
+    """Bends; that of the bare response leaves less than `most`, and how much."""
+    bends = Bends.draw(rng, laws, base.setup)
+    while True:
+        alone = replace(bends, laws=())
+        left = base.energy(simulate_bent(base.setup, (), alone))
+        if left < most:
+            return bends, left
+        bends = bends.milder()
+
+
 def draw(seed: int, index: int, cls: str, side: str) -> Case:
     """The case of this number, from families of this side only."""
     laws = ordered(seed, index, cls, side)
@@ -188,7 +211,8 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
     skeleton = int(start.integers(1000))
     kinds = [k for k, s in KINDS.items() if s == side]
     kind = kinds[start.integers(len(kinds))]
-    goals = [loguniform(start, *ENERGIES) for _ in laws]
+    low, high = BENT if cls == "bent" else ENERGIES
+    goals = [loguniform(start, low, high) for _ in laws]
     models: tuple[str, ...] = USUAL
     for law in laws:
         models = tuple(m for m in models if m in MODELS.get(law.effect, USUAL))
@@ -200,7 +224,8 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
         )
         setup, habits, specimens, warm = draw_setup(rng, side, laws, model, skeleton)
         bare = simulate(setup, ())
-        noise = draw_noise(rng, kind, bare, habits.pace_s)
+        quiet = loguniform(rng, *QUIET) if cls == "bent" else 1.0
+        noise = draw_noise(rng, kind, bare, habits.pace_s, quiet)
         base = Base(setup, noise, specimens != "none")
         basic = base.energy(bare)
         if basic > ADEQUATE:
@@ -211,13 +236,16 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
             a, left = strength_for(base, act, goal)
             planted.append((act, a))
             alone.append(left)
-        if not all(0.8 * ENERGIES[0] < e < 1.5 * ENERGIES[1] for e in alone):
+        if not all(0.8 * ENERGIES[0] < e < 1.5 * high for e in alone):
             continue
         energies = {"energy_of_base_alone": basic}
+        bends = None
+        if cls == "bent":
+            bends, bare_left = _bends(rng, laws, base, BARE * min(alone))
+            energies["energy_of_bare_bent"] = bare_left
         energies |= measured(base, laws, planted, alone)
         missing = float(rng.uniform(0.002, 0.02)) if rng.random() < 0.2 else 0.0
-        clean = simulate(setup, planted)
-        return Case(
+        case = Case(
             cls,
             side,
             setup,
@@ -225,12 +253,15 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
             noise,
             laws,
             planted,
-            clean,
             specimens,
             warm,
             missing,
             energies,
             tries,
             rng,
+            bends,
         )
+        if bends:
+            energies["energy_after_refit"] = base.energy(case.stress())
+        return case
     raise RuntimeError(f"{side} {cls} {index} of seed {seed}: no case in 200 tries")

@@ -13,7 +13,6 @@ import pandas as pd
 from bench.hands.drawing import Case, draw
 from bench.hands.families import SIDES, Array
 from bench.hands.orders import CLASSES
-from bench.hands.testing import simulate
 
 HELD_NOTE = (
     "noise-free, fresh, mean specimen; faults of single recordings "
@@ -40,12 +39,12 @@ def _names(case: Case) -> list[str]:
 
 def write(case: Case, name: str, out: Path, seed: list[int]) -> None:
     """One case and its answer."""
-    rng, names = case.rng, _names(case)
+    rng, names, every = case.rng, _names(case), case.stress()
     seen, told = out / "cases" / name, out / "truth" / name
     (seen / "recordings").mkdir(parents=True)
     (told / "clean").mkdir(parents=True)
     for i, recording in enumerate(names):
-        time, clean = case.setup.courses[i].time_s, case.clean[i]
+        time, clean = case.setup.courses[i].time_s, every[i]
         table = _table(case, i, case.noise.add(rng, i, time, clean))
         if case.missing:
             for column in ("strain", "stress_MPa"):
@@ -64,18 +63,20 @@ def write(case: Case, name: str, out: Path, seed: list[int]) -> None:
         toml += [f'"{r}" = "S{i + 1}"' for i, r in enumerate(names)]
     (seen / "case.toml").write_text("\n".join(toml) + "\n")
     held = []
-    for k, stress in enumerate(simulate(case.setup, case.planted, held=True)):
+    for k, stress in enumerate(case.stress(held=True)):
         i = case.setup.n + k
         held.append(f"held-{case.setup.courses[i].kind}-{i + 1:02d}.csv")
         _table(case, i, stress).to_csv(
             told / held[-1], index=False, float_format="%.7g"
         )
-    answer = answer_of(case, name, names) | {"seed": seed, "held": held}
+    answer = answer_of(case, name, names, every) | {"seed": seed, "held": held}
     text = json.dumps(answer | {"held_note": HELD_NOTE}, indent=1, default=_plain)
     (told / "truth.json").write_text(text + "\n")
 
 
-def answer_of(case: Case, name: str, names: list[str]) -> dict[str, Any]:
+def answer_of(
+    case: Case, name: str, names: list[str], every: list[Array]
+) -> dict[str, Any]:
     """What the truth file says."""
     setup, laws = case.setup, {}
     for law, (act, a) in zip(case.laws, case.planted, strict=True):
@@ -109,7 +110,8 @@ def answer_of(case: Case, name: str, names: list[str]) -> dict[str, Any]:
         "specimen_factors": setup.factors.tolist(),
         "temperature_column": case.temperature,
         "reference_temperature_C": setup.rest_C,
-        "noise": case.noise.described(case.clean),
+        "noise": case.noise.described(every),
+        "bends": case.bends and case.bends.described(),
         "irregular": case.habits.irregular,
         "missing_share": case.missing,
         "recordings": [
@@ -147,6 +149,7 @@ def forge(
     pairs: int,
     aliens: int,
     mixed: int = 0,
+    bent: int = 0,
     jobs: int = 1,
 ) -> None:
     """Write the cases of a seed and a side; their names are shuffled."""
@@ -154,7 +157,8 @@ def forge(
         raise ValueError(f"side must be one of {SIDES}; got {side!r}")
     if (out / "cases").exists() or (out / "truth").exists():
         raise FileExistsError(f"{out} holds cases already; forge into a new folder")
-    counts = dict(zip(CLASSES, (nulls, singles, pairs, aliens, mixed), strict=True))
+    each = (nulls, singles, pairs, aliens, mixed, bent)
+    counts = dict(zip(CLASSES, each, strict=True))
     wanted = [(i, cls) for cls, n in counts.items() for i in range(n)]
     order = np.random.default_rng([seed, SIDES.index(side), 99]).permutation(
         len(wanted)

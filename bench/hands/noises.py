@@ -109,10 +109,12 @@ class Noise:
         }
 
 
-def draw_noise(rng: Rng, kind: str, clean: list[Array], pace: float) -> Noise:
-    """0.1-1 % of the stress range, the memory drawn."""
+def draw_noise(
+    rng: Rng, kind: str, clean: list[Array], pace: float, quiet: float = 1.0
+) -> Noise:
+    """0.1-1 % of the stress range, times `quiet`; the memory drawn."""
     whole = max(float(c.max()) for c in clean) - min(float(c.min()) for c in clean)
-    fraction = loguniform(rng, 0.001, 0.01)
+    fraction = quiet * loguniform(rng, 0.001, 0.01)
     level = fraction * whole
     same = np.full(len(clean), level)
     if kind == "stress_share":

@@ -28,7 +28,8 @@ LAWS = (
     *sensing.LAWS,
 )
 STRANGERS = (*strangers.STRANGERS, *strange_machines.STRANGERS)
-CLASSES = ("null", "single", "pair", "alien", "mixed")  # last: one beside a stranger
+# Mixed: one effect beside a stranger; bent: one to three effects whose laws are wrong.
+CLASSES = ("null", "single", "pair", "alien", "mixed", "bent")
 
 USUAL = ("pl-wiechert",) * 7 + ("wiechert", "pl-sls", "sls")
 _FLOW = ("pl-wiechert",) * 6 + ("wiechert", "pl-sls", "sls")
@@ -64,6 +65,19 @@ def pairs_of() -> tuple[tuple[str, str], ...]:
     return tuple(out)
 
 
+def third_of(two: tuple[str, str], effects: list[str], index: int) -> str:
+    """The next effect in turn that goes with both, in a model of all three."""
+
+    def together(name: str) -> bool:
+        three = (*two, name)
+        pairs = [p for p in combinations(EFFECTS, 2) if set(p) <= set(three)]
+        models = set.intersection(*(set(MODELS.get(e, USUAL)) for e in three))
+        return name not in two and set(pairs) <= set(pairs_of()) and bool(models)
+
+    turned = [effects[(index + k) % len(effects)] for k in range(len(effects))]
+    return next(e for e in turned if together(e))
+
+
 def laws_of(effect: str, side: str) -> list[Law]:
     """The laws of an effect that stand on a side."""
     return [law for law in LAWS if law.effect == effect and law.side == side]
@@ -78,12 +92,13 @@ def ordered(seed: int, index: int, cls: str, side: str) -> tuple[Law, ...]:
     if cls in ("alien", "mixed"):
         kinds = [law for law in STRANGERS if law.side == side]
         chosen = [kinds[(index + int(starts[60])) % len(kinds)]]
-    if cls in ("single", "mixed"):
+    count = {"single": 1, "mixed": 1, "pair": 2, "bent": 1 + index % 3}.get(cls, 0)
+    if count == 1:
         names = [str(effects[index % len(EFFECTS)])]
-    elif cls == "pair":
-        names = list(pairs_of()[pairs[index % len(pairs)]])
     else:
-        names = []
+        names = list(pairs_of()[pairs[index % len(pairs)]])[:count]
+    if count > 2:
+        names.append(third_of((names[0], names[1]), [str(e) for e in effects], index))
     for name in names:
         laws = laws_of(name, side)
         start = int(starts[EFFECTS.index(name)])

@@ -24,6 +24,7 @@ CLASS_NAMES = {
     "pair": "two effects",
     "alien": "on no list",
     "mixed": "one beside that",
+    "bent": "wrong laws",
 }
 
 

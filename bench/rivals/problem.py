@@ -14,10 +14,9 @@ import numpy as np
 from bench.rivals import columns, folds
 from softnn.contracts import Array, Effect
 from softnn.fit import Data, Engine, Fit, fit
-from softnn.mismatch.base import Baseline, beyond
+from softnn.mismatch.base import Baseline, beyond, start
 from softnn.mismatch.candidates import candidates
 from softnn.mismatch.case import read_case
-from softnn.mismatch.diagnosis import start
 from softnn.mismatch.screen import Screen
 
 T = TypeVar("T")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softnn.contracts import Effect
+from softnn.contracts import Array, Effect
 from softnn.fit import Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import (
@@ -24,7 +24,7 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.evidence import SCATTER, Evidence, Weigher
+from softnn.mismatch.evidence import SCATTER, Evidence, Weigher, mistaken
 from softnn.mismatch.specimens import shared
 from softnn.noise import Noise
 
@@ -51,6 +51,25 @@ class Account:
     @property
     def effects(self) -> frozenset[str]:
         return frozenset(names(self.fit))
+
+    @property
+    def figures(self) -> Array:
+        """What a posterior weighs (5,), nats.
+
+        Evidence of laws as they stand, of them with what is slight beside, and with
+        anything beside; (log n) / 2 for each number, and for each that is of single
+        recordings.
+        """
+        found, evidence = self.fit, self.evidence
+        one, pieces = 0.5 * np.log(len(found.residual)), found.guess.pieces
+        own = sum(
+            s.piece >= 0
+            and s.recordings is not None
+            and not (pieces[s.piece].nuisance or mistaken(found, s))
+            for s in found.slots
+        )
+        numbers = [evidence.numbers * one, own * one]
+        return np.array([evidence.bare, evidence.alone, evidence.beside, *numbers])
 
 
 def value(account: Account) -> float:
@@ -182,7 +201,7 @@ def _as_specimens(
     alike = [apart(a, piece) for a in before]
     if max(map(value, alike)) > value(best):
         trials, each = alike, piece
-    if max(map(value, trials)) < max(map(value, found)) - NEAR:
+    if max(map(value, trials)) < max(map(value, rest)) - NEAR:
         return []
     return trials[:1] + [apart(a, each) for a in _worth(rest) if a.effects]
 
@@ -190,14 +209,18 @@ def _as_specimens(
 def _as_mistakes(
     weigher: Weigher, found: Sequence[Account], pool: Sequence[Effect]
 ) -> list[Account]:
-    """The best account of each number of effects, scales a mistake in some recordings.
+    """The best accounts of each number of effects, scales a mistake in some recordings.
 
     Where most of them agree, what the others differ by need not be specimens.
     """
     out: list[Account] = []
     unsaid = [a for a in found if any(p.unsaid for p in a.fit.guess.pieces)]
-    for size in {len(a.effects) for a in unsaid}:
-        best = max((a for a in unsaid if len(a.effects) == size), key=value)
+    most: dict[int, float] = {}
+    for a in unsaid:
+        most[len(a.effects)] = max(value(a), most.get(len(a.effects), -np.inf))
+    near = [a for a in unsaid if value(a) > most[len(a.effects)] - NEAR]
+    once = {a.effects: a for a in sorted(near, key=value)}  # of each set the best
+    for best in once.values():
         rest = tuple(p for p in best.fit.guess.pieces if not p.unsaid)
         guess = replace(best.fit.guess, pieces=rest)
         fixed = best.fit.fixed_base

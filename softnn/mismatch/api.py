@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from softnn import readers
 from softnn.contracts import InputError, nearest
+from softnn.mismatch import base as bases
 from softnn.mismatch import diagnosis
 from softnn.mismatch.case import ABOUT, HISTORIES, Case, check_sizes, read_case
 from softnn.mismatch.diagnosis import Diagnosis
@@ -103,7 +104,7 @@ def inferred(case: Case, model: str | None = None) -> list[str]:
     specimens = len(set(case.specimen.values())) or 1
     base = model or case.model
     if base is None:
-        base = "the column simulated_MPa" if case.simulated_MPa else diagnosis.DEFAULT
+        base = "the column simulated_MPa" if case.simulated_MPa else bases.DEFAULT
     begins = "at rest" if case.history == "fresh" else "where the one before ended"
     lines.append(
         f"{case.name}: {len(case.recordings)} recording(s) of {specimens} specimen(s), "

@@ -17,11 +17,14 @@ from scipy.ndimage import maximum_filter1d
 from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
+from softnn.mismatch.case import Case, mask_failure, mask_gaps, thin, to_data
 from softnn.models.units import Units, build
 from softnn.noise import Noise, estimate
 from softnn.noise.windows import WINDOW
 
-STAND_IN = "pl-wiechert"
+SEARCH = 1000  # samples a recording while searching
+REPORT = 6000  # samples a recording for regions, figures and errors
+DEFAULT = STAND_IN = "pl-wiechert"
 STILL = 1e-9  # of the largest stress, by which no live channel is rough
 
 
@@ -34,6 +37,22 @@ class Baseline:
     noise: list[Noise]
     name: str  # the base, or "simulated"
     fixed: bool
+
+
+def usable(case: Case, samples: int) -> Case:
+    """What can be used of a case, at most about so many samples a recording."""
+    return thin(mask_failure(mask_gaps(case)), samples)
+
+
+def start(case: Case, model: str | None = None) -> Baseline:
+    """The base of a case at its best: what a search starts from."""
+    data, fine = to_data(usable(case, SEARCH)), to_data(usable(case, REPORT))
+    if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
+        raise InputError(f"{case.name}: fewer than four stresses in all; record more")
+    model = model or case.model
+    if data.simulated_MPa is not None and model is None:
+        return given(data, data.simulated_MPa, case.groups(), fine)
+    return baseline(data, model or DEFAULT, case.groups(), fine)
 
 
 def units_for(name: str, data: Data, segments: int = 16) -> Units:

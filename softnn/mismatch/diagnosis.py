@@ -13,18 +13,10 @@ from threadpoolctl import threadpool_limits
 from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
-from softnn.mismatch import untaught, written
+from softnn.mismatch import base, untaught, written
 from softnn.mismatch.accounts import search
-from softnn.mismatch.base import Baseline, baseline, beyond, given
-from softnn.mismatch.case import (
-    Case,
-    check_case,
-    check_model,
-    mask_failure,
-    mask_gaps,
-    thin,
-    to_data,
-)
+from softnn.mismatch.base import beyond, usable
+from softnn.mismatch.case import Case, check_case, check_model, to_data
 from softnn.mismatch.learn import learn
 from softnn.mismatch.verdict import Told
 from softnn.model_file import Correction, Stored, from_dict, to_dict
@@ -34,10 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from softnn.neural import StoredNetwork
-
-SEARCH = 1000  # samples a recording while searching
-REPORT = 6000  # samples a recording for regions, figures and errors
-DEFAULT = "pl-wiechert"
 
 
 @dataclass
@@ -152,7 +140,7 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    told = Told(search(start(counted(case, axes), model)))
+    told = Told(search(base.start(counted(case, axes), model)))
     learned = None
     if told.verdict == "unexplained":
         learned = learn(told.engine, told.base.fit, rng)
@@ -162,7 +150,7 @@ def _diagnose(
 
     shown = told.fine
     if never:  # what was diagnosed is a part of it
-        data = to_data(usable(counted(whole, axes), REPORT))
+        data = to_data(usable(counted(whole, axes), base.REPORT))
         shown = beyond(data, data.simulated_MPa or (), told.before.guess)
     names, fixed = shown.data.names, told.base.fixed
 
@@ -184,22 +172,6 @@ def _diagnose(
         stress(told.before),
         stress(told.after),
     )
-
-
-def usable(case: Case, samples: int) -> Case:
-    """What can be used of a case, at most about so many samples a recording."""
-    return thin(mask_failure(mask_gaps(case)), samples)
-
-
-def start(case: Case, model: str | None = None) -> Baseline:
-    """The base of a case at its best: what a search starts from."""
-    data, fine = to_data(usable(case, SEARCH)), to_data(usable(case, REPORT))
-    if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
-        raise InputError(f"{case.name}: fewer than four stresses in all; record more")
-    model = model or case.model
-    if data.simulated_MPa is not None and model is None:
-        return given(data, data.simulated_MPa, case.groups(), fine)
-    return baseline(data, model or DEFAULT, case.groups(), fine)
 
 
 def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:

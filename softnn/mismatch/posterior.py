@@ -4,20 +4,32 @@ A hypothesis is a set of effects, or something on no list, or that nothing is mi
 Beside effects there may be something on no list, too: their evidence is that of both
 cases together, the second `both` nats less likely. The value v of a hypothesis is its
 log evidence less `number` log n / 2 for each number of its own. Every law is only
-nearly right, so that a value is wrong by an error with heavy tails, and by more where
-it explains more:
+nearly right, so that a value is wrong by an error with heavy tails:
 
-.. math:: P(S) \propto e^{-\pi(S) - h(z)}, \quad
-          z = \frac{v_{max} - v(S)}{1 + s + r\sqrt{g(S)}}, \quad
-          h(z) = \begin{cases} z & z \le k \\ k\,(1 + \log(z / k)) & z > k \end{cases}
+.. math:: h_k(z) = z \text{ up to } k, \quad k\,(1 + \log(z / k)) \text{ beyond}
 
-with g what the effects of the hypothesis gain over nothing: the logarithm of their
-likelihood has a standard deviation of sqrt(2 g). For small differences it is the
-likelihood to a power of one at most, the less the more is explained (Miller and Dunson
-2019, doi:10.1080/01621459.2018.1469995); large ones count as a power of themselves
-only, as odds do under an error of Student's kind. k is another for nothing, where no
-law can be wrong, but noise. The constants are fitted by maximum likelihood to
-development cases (`bench.calibrate`). Names, verdict and equivalents are all read off
+Small differences count as a likelihood, or a power of it (Miller and Dunson 2019,
+doi:10.1080/01621459.2018.1469995), large ones as a power of themselves only, as odds do
+under an error of Student's kind.
+
+*How many* effects there are is asked first, then *which*. Of many laws that are not
+there one or the other takes up what those that are there get wrong, so that a further
+effect is to gain more than that: f nats, and c for each root of D, what the laws of the
+best set of one effect less leave to be bent or added (`beside` less `bare`). With w the
+value of the best set of n effects less these prices,
+
+.. math:: P(n) \propto e^{-\pi(n) - h_k(z)}, \quad
+          z = \frac{w_{max} - w_n}{1 + r \log(1 + g_n)}, \quad
+          P(S \mid n) \propto e^{-\pi(S) - h_{k'}(z_S)}
+
+with g what a set gains over nothing, and z_S of sets of as many effects. Where laws
+leave nothing they stand as they are, and a set that is behind is out; where they leave
+much they cannot: k' falls from `which` to k with D over 1 + t g. So does the k of
+something on no list, with the D of what leads. That nothing is missing has a k of its
+own: no law can be wrong there, but noise.
+
+The constants are fitted by maximum likelihood to development cases (`bench.calibrate`),
+some of them with laws that are bent. Names, verdict and equivalents are all read off
 these probabilities.
 """
 
@@ -31,7 +43,6 @@ import numpy as np
 
 from softnn.contracts import Array
 from softnn.mismatch.accounts import Account
-from softnn.mismatch.evidence import mistaken
 
 NAMED, SURE = 0.5, 0.9  # probabilities from which an effect is named, and said so
 LIKELY = 0.1  # of the probability of the best, from which another is as good a reading
@@ -41,16 +52,21 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 1.444  # k
-    noise: float = 6.871  # k of nothing
-    number: float = 0.557  # of (log n) / 2, the price of a number
-    error: float = 0.0971  # s
-    share: float = 0.0503  # r, of the root of what effects gain
-    both: float = 6.237  # of something else beside effects, in their evidence
-    first: float = 4.577  # cost of any effect, nats
-    more: float = 3.192  # of each further one
-    own: float = 0.0359  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.333  # of something on no list
+    tail: float = 0.382  # k of how many, and of all else where laws leave much
+    which: float = 1.496  # k of which effects, where laws leave nothing
+    strange: float = 0.876  # k of something on no list, likewise
+    noise: float = 6.926  # k of nothing
+    number: float = 0.611  # of (log n) / 2, the price of a number
+    share: float = 0.155  # r, of the logarithm of what effects gain
+    both: float = 7.647  # of something else beside effects, in their evidence
+    further: float = 8.644  # f, nats a further effect has to gain
+    left: float = 0.77  # c, and so many for the root of what the laws before leave
+    loose: float = 1.608  # of D, at which k is halfway
+    bent: float = 0.013  # t, of what is gained, that laws leave usually
+    first: float = 3.707  # cost of any effect, nats
+    more: float = 1.432  # of each further one
+    own: float = 0.05  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.749  # of something on no list
 
 
 CONSTANTS = Constants()
@@ -68,51 +84,70 @@ class Hypothesis:
         return self.account.effects
 
 
-def features(hypothesis: Hypothesis) -> Array:
-    """What the constants weigh (7,): evidence, price of the numbers, counts."""
-    account, count = hypothesis.account, len(hypothesis.effects)
-    one = 0.5 * np.log(len(account.fit.residual))
-    evidence, pieces = account.evidence, account.fit.guess.pieces
-    own = sum(
-        s.piece >= 0
-        and s.recordings is not None
-        and not (pieces[s.piece].nuisance or mistaken(account.fit, s))
-        for s in account.fit.slots
-    )
-    return np.array(
-        [
-            evidence.beside if hypothesis.other else evidence.alone,
-            evidence.beside,
-            evidence.numbers * one,
-            float(count > 0),
-            max(count - 1, 0),
-            own * one,
-            hypothesis.other,
-        ],
-        float,
-    )
-
-
 def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
     """Of hypotheses, and how much of it is of something else beside their effects."""
-    alone, some = table[:, 0], table[:, 3] > 0
-    beside = np.where(some, table[:, 1] - constants.both, -np.inf)
+    alone, some = table[..., 1], table[..., 5] > 0
+    beside = np.where(some, table[..., 2] - constants.both, -np.inf)
     both = np.logaddexp(alone, beside)
-    return both, np.exp(beside - both)
+    return both, np.exp(beside - np.where(np.isfinite(both), both, 0.0))
+
+
+def _lost(behind: Array, tail: Array | float) -> Array:
+    """h of what a value is behind."""
+    far = tail * (1 + np.log(np.maximum(behind, tail) / tail))
+    return np.asarray(np.where(behind < tail, behind, far))
+
+
+def _normal(log: Array) -> Array:
+    """Weights that sum to one over the last axis; all zero where none is finite."""
+    most = log.max(axis=-1, keepdims=True)
+    weight = np.exp(log - np.where(np.isfinite(most), most, 0.0))
+    return np.asarray(weight / np.maximum(weight.sum(axis=-1, keepdims=True), 1e-300))
 
 
 def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
-    """Of hypotheses with these `features` (hypotheses, 7), the first of nothing."""
+    """Of hypotheses (..., hypotheses, 7), the first that of nothing.
+
+    A row: the three evidences and two prices of `Account.figures`, effects, and whether
+    it is something on no list. Rows of no evidence (-inf), alone or beside, are none.
+    """
     k = constants
-    gain = _evidence(table, k)[0] - k.number * table[:, 2]
-    own = np.where(table[:, 3] > 0, np.maximum(gain - gain[0], 0.0), 0.0)
-    behind = (gain.max() - gain) / (1 + k.error + k.share * np.sqrt(own))
-    tail = np.where(np.arange(len(gain)) == 0, k.noise, k.tail)
-    far = tail * (1 + np.log(np.maximum(behind, tail) / tail))
-    costs = np.array([k.first, k.more, k.own, k.other])
-    log = -np.where(behind < tail, behind, far) - table[:, 3:] @ costs
-    weight = np.exp(log - log.max())
-    return np.asarray(weight / weight.sum())
+    bare, _, beside, price, own, count, other = np.moveaxis(table, -1, 0)
+    value = _evidence(table, k)[0] - k.number * price
+    gain = np.where(count > 0, np.maximum(value - value[..., :1], 0.0), 0.0)
+    left = np.where(count > 0, np.maximum(beside - bare, 0.0), 0.0)
+
+    sizes = np.arange(1.0, max(count.max(), 1.0) + 1)[:, None]
+    mine = (count[..., None, :] == sizes) & np.isfinite(value[..., None, :])
+    at = np.where(mine, value[..., None, :], -np.inf)  # (..., sizes, hypotheses)
+    best_at = at.argmax(axis=-1)
+    best = at.max(axis=-1)
+    some = np.isfinite(best)
+    best = np.where(some, best, 0.0)
+    gained = np.where(some, np.take_along_axis(gain, best_at, axis=-1), 0.0)
+    spare = np.where(some, np.take_along_axis(left, best_at, axis=-1), 0.0)
+    to_pay = k.further + k.left * np.sqrt(spare)
+    net = np.where(some, best - (np.cumsum(to_pay, axis=-1) - to_pay), -np.inf)
+    none = np.where(count == 0, value, -np.inf)
+    top = np.maximum(net.max(axis=-1), none.max(axis=-1))[..., None]
+
+    def tail(full: float, over: Array) -> Array:
+        return k.tail + (full - k.tail) / (1 + over / k.loose)
+
+    over = spare / (1 + k.bent * gained)
+    scale = 1 + k.share * np.log1p(gained)
+    many = -_lost(np.where(some, top - net, np.inf) / scale, k.tail)
+    many = many - k.first - k.more * (sizes[:, 0] - 1)
+    behind = np.where(mine, best[..., None] - at, np.inf) / scale[..., None]
+    which = -_lost(behind, tail(k.which, over)[..., None]) - k.own * own[..., None, :]
+    each = np.exp(many)[..., None] * _normal(np.where(mine, which, -np.inf))
+    lead = np.take_along_axis(over, net.argmax(axis=-1)[..., None], axis=-1)
+    strange = np.exp(-_lost(top - none, tail(k.strange, lead)) - k.other)
+    nothing = np.exp(-_lost(top - none, k.noise))
+    weight = each.sum(axis=-2)
+    weight += np.where(count > 0, 0.0, np.where(other > 0, strange, nothing))
+    weight = np.where(np.isfinite(value), weight, 0.0)
+    return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True)
@@ -184,26 +219,31 @@ class Posterior:
 
 
 def table(
-    accounts: Sequence[Account], constants: Constants = CONSTANTS
-) -> list[tuple[Hypothesis, Array]]:
-    """Hypotheses with their features: of each set of effects the best form."""
-    every = [Hypothesis(a) for a in accounts]
-    every += [Hypothesis(a, True) for a in accounts if not a.effects]
-    rows = np.array([features(one) for one in every])
-    worth = _evidence(rows, constants)[0] - rows[:, 2]
+    sets: Sequence[frozenset[str]], figures: Array, constants: Constants = CONSTANTS
+) -> tuple[list[tuple[int, bool]], Array]:
+    """Hypotheses and their rows (hypotheses, 7): of each set of effects the best form.
+
+    `figures` (accounts, 5) as `Account.figures`; each hypothesis is the place of its
+    account, and whether it is something on no list.
+    """
+    every = [(i, False) for i in range(len(sets))]
+    every += [(i, True) for i, effects in enumerate(sets) if not effects]
+    rows = np.array([[*figures[i], len(sets[i]), other] for i, other in every], float)
+    rows[:, 1] = np.where(rows[:, 6] > 0, rows[:, 2], rows[:, 1])
+    worth = _evidence(rows, constants)[0] - rows[:, 3]
     best: dict[tuple[frozenset[str], bool], int] = {}
-    for i, one in enumerate(every):
-        key = one.effects, one.other
-        if key not in best or worth[i] > worth[best[key]]:
-            best[key] = i
-    return [(every[i], rows[i]) for i in best.values()]
+    for k, (i, other) in enumerate(every):
+        key = sets[i], other
+        if key not in best or worth[k] > worth[best[key]]:
+            best[key] = k
+    return [every[k] for k in best.values()], rows[list(best.values())]
 
 
 def posterior(
     accounts: Sequence[Account], constants: Constants = CONSTANTS
 ) -> Posterior:
     """The posterior over the accounts tried, the first of them the base alone."""
-    found = table(accounts, constants)
-    rows = np.array([row for _, row in found])
+    figures = np.array([a.figures for a in accounts])
+    found, rows = table([a.effects for a in accounts], figures, constants)
     p, beside = probabilities(rows, constants), _evidence(rows, constants)[1]
-    return Posterior(tuple(h for h, _ in found), p, beside)
+    return Posterior(tuple(Hypothesis(accounts[i], o) for i, o in found), p, beside)

@@ -27,12 +27,15 @@ def running_study() -> str | None:
 
 
 @cache
-def files_of(module: str) -> tuple[Path, ...]:
-    """Files (sorted) of this project that a module runs, those that only show apart."""
+def files_of(module: str, around: bool = True) -> tuple[Path, ...]:
+    """Files (sorted) of this project that a module runs, those that only show apart.
+
+    Packages around what is imported run, too; not `around` leaves these out.
+    """
     found: set[Path] = set()
     todo = [module]
     while todo:
-        for file in _files(todo.pop()):
+        for file in _files(todo.pop(), around):
             if file in found or _shows(file):
                 continue
             found.add(file)
@@ -50,12 +53,12 @@ def _shows(file: Path) -> bool:
     return any(part.rpartition("_")[2] in (*SHOWING, *DECLARING) for part in parts[1:])
 
 
-def _files(module: str) -> Iterator[Path]:
+def _files(module: str, around: bool) -> Iterator[Path]:
     """Its file and those of the packages around it; none where it is no module."""
     parts = module.split(".")
     if parts[0] not in OURS:
         return
-    for i in range(1, len(parts) + 1):
+    for i in range(1 if around else len(parts), len(parts) + 1):
         place = ROOT.joinpath(*parts[:i])
         for file in (place / "__init__.py", place.with_suffix(".py")):
             if file.is_file():
