@@ -52,21 +52,21 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 0.382  # k of how many, and of all else where laws leave much
-    which: float = 1.496  # k of which effects, where laws leave nothing
-    strange: float = 0.876  # k of something on no list, likewise
-    noise: float = 6.926  # k of nothing
-    number: float = 0.611  # of (log n) / 2, the price of a number
-    share: float = 0.155  # r, of the logarithm of what effects gain
-    both: float = 7.647  # of something else beside effects, in their evidence
-    further: float = 8.644  # f, nats a further effect has to gain
-    left: float = 0.77  # c, and so many for the root of what the laws before leave
-    loose: float = 1.608  # of D, at which k is halfway
-    bent: float = 0.013  # t, of what is gained, that laws leave usually
-    first: float = 3.707  # cost of any effect, nats
-    more: float = 1.432  # of each further one
-    own: float = 0.05  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.749  # of something on no list
+    tail: float = 0.36  # k of how many, and of all else where laws leave much
+    which: float = 1.299  # k of which effects, where laws leave nothing
+    strange: float = 0.931  # k of something on no list, likewise
+    noise: float = 6.997  # k of nothing
+    number: float = 0.578  # of (log n) / 2, the price of a number
+    share: float = 0.145  # r, of the logarithm of what effects gain
+    both: float = 8.241  # of something else beside effects, in their evidence
+    further: float = 9.48  # f, nats a further effect has to gain
+    left: float = 0.728  # c, and so many for the root of what the laws before leave
+    loose: float = 1.269  # of D, at which k is halfway
+    bent: float = 0.011  # t, of what is gained, that laws leave usually
+    first: float = 3.458  # cost of any effect, nats
+    more: float = 1.167  # of each further one
+    own: float = 0.052  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.945  # of something on no list
 
 
 CONSTANTS = Constants()
