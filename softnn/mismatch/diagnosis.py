@@ -143,7 +143,7 @@ def _diagnose(
     told = Told(search(base.start(counted(case, axes), model)))
     learned = None
     if told.verdict == "unexplained":
-        learned = learn(told.engine, told.base.fit, rng)
+        learned = learn(told.engine, told.final, rng)
     result = written.diagnosis(case, axes, told, learned, rng)
     untaught.tell(result, whole, never)
     result["seconds"] = round(time.perf_counter() - clock, 3)

@@ -24,6 +24,7 @@ from softnn.model_file import Correction
 from softnn.state import FEATURES, features
 
 NEURONS = 6
+HELPS = 0.97  # of the error on what was left out, below which it foretells
 MOST = 1500  # samples the network is trained on; the residual is smooth
 MIXED = 8  # times the residual is shuffled, for what noise may show at one period
 
@@ -32,14 +33,14 @@ MIXED = 8  # times the residual is shuffled, for what noise may show at one peri
 class Learned:
     """A correction of the stress, and what it depends on."""
 
-    correction: Correction
+    correction: Correction | None  # None where it foretells no better than none
     importance: dict[str, float]  # rise of the held-out error when shuffled, relative
     ratio: float  # held-out error with the correction over without
     period: dict[str, Any] | None
 
 
 def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | None:
-    """The correction, or None where it predicts nothing on recordings left out."""
+    """What is learned of what a fit leaves; None where there is nothing to learn."""
     from softnn.neural import Regularisation, train
 
     names: tuple[str, ...] = FEATURES
@@ -72,13 +73,13 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
             worse[j] += np.sum((y[test] - foretold(mixed)) ** 2)
     ratio = float(np.sqrt(after / np.sum(y**2)))
     found_period = period(engine, found.residual, rng)
-    if not ratio < 0.97 and found_period is None:
+    if not ratio < HELPS and found_period is None:
         return None
     rise = np.maximum(worse / after - 1, 0.0)
     share = rise / (rise.sum() or 1.0)
     order = np.argsort(-share, kind="stable")
     importance = {names[j]: round(float(share[j]), 4) for j in order}
-    correction = Correction(names, whole.network)
+    correction = Correction(names, whole.network) if ratio < HELPS else None
     return Learned(correction, importance, ratio, found_period)
 
 

@@ -52,7 +52,7 @@ class Told:
 
     def _corrected(self) -> bool:
         """Whether there is a correction; `account` becomes the best there is."""
-        if self.verdict not in ("undetermined", "partly_explained"):
+        if self.verdict in ("explained", "nothing_missing"):
             return bool(self.names)
         tried = [(self.account, self.heldout_after)]
         if not self.names:  # a correction that foretells worse than none is none

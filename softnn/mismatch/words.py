@@ -32,7 +32,7 @@ def summary(result: dict[str, Any], told: Told) -> str:
             chance, which = 1 - probable.nothing, "that no effect known here explains"
         return (
             f"Something is missing {which} ({_sure(chance)}): {missed}"
-            f"{_structure(result)}{_nearest(told)}"
+            f"{_nearest(told)}{_corrected(result, told)}{_structure(result, told)}"
         )
     if locate.only_loading(told.engine) and not told.few:
         return (
@@ -108,16 +108,17 @@ def _corrected(result: dict[str, Any], told: Told) -> str:
     )
 
 
-def _structure(result: dict[str, Any]) -> str:
+def _structure(result: dict[str, Any], told: Told) -> str:
+    """On what that depends which no effect explains, and when it comes back."""
     structure = result["structure"]
     if not structure:
         return ""
-    said = ""
+    said, it = "", "What that leaves" if told.account.effects else "It"
     if structure["depends_on"]:
-        said = f" It depends on {plain(next(iter(structure['depends_on'])))} most."
+        said = f" {it} depends on {plain(next(iter(structure['depends_on'])))} most."
     if period := structure["period"]:
         said += (
-            f" It comes back every {period['period']:.3g} {period['unit']} of "
+            f" {it} comes back every {period['period']:.3g} {period['unit']} of "
             f"{period['axis']}."
         )
     return said
