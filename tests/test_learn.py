@@ -78,7 +78,20 @@ def test_what_it_depends_on_is_named():
     told = learn(engine, base, np.random.default_rng(1))
     assert told is not None
     assert told.ratio < 0.4
+    assert told.correction is not None
     assert max(told.importance, key=told.importance.get) == "direction"
+
+
+def test_what_foretells_nothing_is_told_and_corrects_nothing():
+    # A hum is no function of the state: its period is found, and no network helps.
+    hum = recordings(lambda t, e: 0.06 * np.sin(2 * np.pi * t / 1.3))
+    engine = engine_of(hum)
+    base = fit(engine, Guess(HOOKE, np.ones(1)))
+    told = learn(engine, base, np.random.default_rng(1))
+    assert told is not None
+    assert told.ratio > 0.97
+    assert told.period["period"] == pytest.approx(1.3, rel=0.03)
+    assert told.correction is None
 
 
 def test_a_correction_does_not_leave_what_it_has_seen():

@@ -93,6 +93,24 @@ def test_readings_that_share_the_probability_correct_without_a_name(
     assert (told.after is told.before) != corrects
 
 
+def test_what_is_on_no_list_is_corrected_by_the_reading_that_foretells_best(
+    softened, monkeypatch
+):
+    found, of = softened
+    soft = of[frozenset(["mullins_softening"])]
+    base = found.accounts[0]
+    made = Posterior(
+        (Hypothesis(base), Hypothesis(base, True), Hypothesis(soft)),
+        np.array([0.01, 0.6, 0.39]),
+        np.zeros(3),
+    )
+    monkeypatch.setattr(verdict, "posterior", lambda accounts: made)
+    told = verdict.Told(found)
+    assert (told.names, told.verdict) == ([], "unexplained")
+    assert told.account is soft
+    assert told.heldout_after.nrmse < 0.6 * told.heldout_before.nrmse
+
+
 def test_what_foretells_no_better_than_the_base_corrects_nothing(tmp_path, monkeypatch):
     found = search(start(read_case(write_case(tmp_path))))  # only noise
 

@@ -187,12 +187,27 @@ def test_what_is_unexplained_is_as_sure_as_that_something_is_missing(
     probable = SimpleNamespace(nothing_named=nothing_named, nothing=0.03, effects={})
     engine = SimpleNamespace(chunks=[None])
     one = SimpleNamespace(
-        probable=probable, engine=engine, names=[], verdict="unexplained"
+        probable=probable,
+        engine=engine,
+        names=[],
+        verdict="unexplained",
+        account=SimpleNamespace(effects=frozenset()),
     )
     fit = {"noise_nrmse": 0.01, "before": {"heldout_nrmse": 0.5}}
-    sentence = summary({"fit": fit, "structure": None}, one)
+    result = {
+        "fit": fit | {"after": {"heldout_nrmse": 0.2}},
+        "structure": {"depends_on": {"travel": 0.9}, "period": None},
+    }
+    sentence = summary(result, one)
     assert said in sentence
     assert "on parts left out of it is 50 %" in sentence
+    assert "It depends on travel most" in sentence
+    # Where a reading corrects it all the same, what that leaves is what depends.
+    one.account.effects = frozenset(["slack"])
+    sentence = summary(result, one)
+    assert "The model given has slack" in sentence
+    assert "(20 %)" in sentence
+    assert "What that leaves depends on travel most" in sentence
 
 
 def test_seven_recordings_of_5000_samples_stay_under_6_megabytes(tmp_path):
