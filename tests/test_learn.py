@@ -9,7 +9,7 @@ from softnn.contracts import Chunk
 from softnn.fit import Data, Engine, Guess, fit
 from softnn.mismatch.case import Case
 from softnn.mismatch.diagnosis import diagnose
-from softnn.mismatch.learn import learn, period
+from softnn.mismatch.learn import kinds, learn, period
 from softnn.model_file import Correction
 from softnn.models.units import Units
 from softnn.recording import Recording
@@ -109,3 +109,26 @@ def test_an_unknown_disturbance_is_not_explained_away():
     assert told["verdict"] == "unexplained"
     assert told["selected"] == []
     assert told["structure"]["period"]["period"] == pytest.approx(2.9, rel=0.03)
+
+
+def test_a_replicate_is_of_a_kind_with_what_it_repeats():
+    # What follows the rate is the same in replicates, and foretells no other rate.
+    def programme(peak, seconds):
+        time = np.arange(0, seconds, 0.1)
+        return Chunk(time, peak * (1 - np.abs(2 * time / seconds - 1)))
+
+    def engine(*programmes):
+        chunks = tuple(programme(*p) for p in programmes)
+        stress = tuple(c.strain for c in chunks)
+        names = tuple(f"r{i}" for i in range(len(chunks)))
+        sigma = [np.full(len(s), SIGMA) for s in stress]
+        return Engine(Data(names, chunks, stress), sigma)
+
+    def found(*programmes):
+        made = engine(*programmes)
+        kind = kinds(made)
+        return [int(kind[made.owner == r][0]) for r in range(len(programmes))]
+
+    assert found((0.4, 40), (0.4, 10), (0.41, 41), (0.4, 10)) == [0, 1, 0, 1]
+    assert found((0.4, 40), (0.8, 80)) == [0, 1]  # as fast, and twice as far
+    assert found((0.4, 40), (0.4, 41)) == [0, 1]  # of one kind: each its own

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lombscargle
 
 from softnn.contracts import Array
@@ -26,6 +27,7 @@ from softnn.state import FEATURES, features
 NEURONS = 6
 HELPS = 0.97  # of the error on what was left out, below which it foretells
 MOST = 1500  # samples the network is trained on; the residual is smooth
+ALIKE = 0.15  # of a logarithm, in reach and speed, up to which kinds are one
 MIXED = 8  # times the residual is shuffled, for what noise may show at one period
 
 
@@ -53,7 +55,7 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
     x, y = x[index], (engine.target - found.stress)[index]
     if len(index) < 30 or np.std(y) == 0:
         return None
-    part = parts(engine)[index]
+    part = kinds(engine)[index]
     folds = [part == g for g in np.unique(part)]
     *trained, whole = train(
         x,
@@ -81,6 +83,21 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
     importance = {names[j]: round(float(share[j]), 4) for j in order}
     correction = Correction(names, whole.network) if ratio < HELPS else None
     return Learned(correction, importance, ratio, found_period)
+
+
+def kinds(engine: Engine) -> NDArray[np.integer]:
+    """Which kind (valid,) of recording each sample is of: as far, and as fast.
+
+    A network foretells a replicate of what it has seen, and may not a rate between two
+    others. Where all are of one kind, each recording is its own.
+    """
+    reach = np.array([float(np.abs(c.strain).max()) for c in engine.chunks])
+    time = np.array([float(np.ptp(c.time_s)) for c in engine.chunks])
+    travel = np.array([float(np.abs(np.diff(c.strain)).sum()) for c in engine.chunks])
+    told = np.log(np.maximum([reach, travel / np.maximum(time, 1e-300)], 1e-300))
+    alike = (np.abs(told[:, :, None] - told[:, None, :]) < ALIKE).all(axis=0)
+    first = alike.argmax(axis=1)  # the first that it is like
+    return first[engine.owner] if len(set(first)) > 1 else parts(engine)
 
 
 def period(
