@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from bench import ledger
@@ -104,8 +105,9 @@ def naming_figure(trials: Result) -> Figure:
             capsize=2,
         )
         for at, r in zip(x, rates, strict=True):
-            axes.text(at, 0.02, f"{r['right']}/{r['of']}", ha="center", color="white")
-    axes.set_xticks(range(len(CLASSES)), [CLASS_NAMES[c] for c in CLASSES])
+            count = f"{r['right']}\n{r['of']}"
+            axes.text(at, 0.02, count, ha="center", color="white", fontsize=8)
+    axes.set_xticks(range(len(CLASSES)), [fill(CLASS_NAMES[c], 11) for c in CLASSES])
     axes.set_ylim(0, 1.02)
     axes.set_ylabel("share of cases right")
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
