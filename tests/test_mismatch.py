@@ -65,11 +65,11 @@ def softened(tmp_path_factory):
     return found, {a.effects: a for a in reversed(found.accounts)}
 
 
-def told_of(monkeypatch, found, shares, beside=0.0):
+def told_of(monkeypatch, found, shares, beside=0.0, strange=0.0):
     """What is told where these accounts share the probability so."""
-    accounts, p = zip(*shares, strict=True)
-    readings = tuple(map(Hypothesis, accounts))
-    made = Posterior(readings, np.array(p), np.full(len(p), beside))
+    readings = [*(Hypothesis(a) for a, _ in shares), Hypothesis(shares[0][0], True)]
+    p = np.array([*(p for _, p in shares), strange])
+    made = Posterior(tuple(readings), p, np.full(len(p), beside))
     monkeypatch.setattr(verdict, "posterior", lambda accounts: made)
     return verdict.Told(found)
 
@@ -93,19 +93,11 @@ def test_readings_that_share_the_probability_correct_without_a_name(
     assert (told.after is told.before) != corrects
 
 
-def test_what_is_on_no_list_is_corrected_by_the_reading_that_foretells_best(
-    softened, monkeypatch
-):
+def test_what_is_on_no_list_is_corrected_by_the_best_reading(softened, monkeypatch):
     found, of = softened
     soft = of[frozenset(["mullins_softening"])]
-    base = found.accounts[0]
-    made = Posterior(
-        (Hypothesis(base), Hypothesis(base, True), Hypothesis(soft)),
-        np.array([0.01, 0.6, 0.39]),
-        np.zeros(3),
-    )
-    monkeypatch.setattr(verdict, "posterior", lambda accounts: made)
-    told = verdict.Told(found)
+    shares = [(found.accounts[0], 0.01), (soft, 0.39)]
+    told = told_of(monkeypatch, found, shares, strange=0.6)
     assert (told.names, told.verdict) == ([], "unexplained")
     assert told.account is soft
     assert told.heldout_after.nrmse < 0.6 * told.heldout_before.nrmse
