@@ -63,7 +63,7 @@ class Constants:
     left: float = 0.728  # c, and so many for the root of what the laws before leave
     loose: float = 1.269  # of D, at which k is halfway
     bent: float = 0.011  # t, of what is gained, that laws leave usually
-    first: float = 3.458  # cost of any effect, nats
+    first: float = 4.5  # cost of any effect, nats; 3.46 as fitted: see decisions
     more: float = 1.167  # of each further one
     own: float = 0.052  # of (log n) / 2, of a number that is of single recordings
     other: float = 2.945  # of something on no list
