@@ -4,8 +4,11 @@ Folders of cases with their truths (`cases/`, `truth/`), of development families
 are searched as `softnn diagnose` does, and again without the form of the law that suits
 the truth best; the constants of `softnn.mismatch.posterior` are those under which names
 are likeliest where they are true, and unlikeliest where they are not. Cross-validated
-over cases; written to
-studies/results/calibration.json, from where they are copied into the code by hand.
+over cases; written to studies/results/calibration.json, from where they are copied into
+the code by hand.
+
+A probability holds for a mixture of cases. How many of each kind (`bench.scoring`) were
+forged says nothing of what people bring, so each kind counts alike.
 """
 
 from __future__ import annotations
@@ -120,15 +123,17 @@ class Lessons:
 
     `every` (lessons, hypotheses, 7) as `probabilities` takes it; `holds` (lessons,
     hypotheses, names) where a hypothesis holds an effect, or is that nothing is missing
-    (the last); `true` (lessons, names).
+    (the last); `true` (lessons, names); `kind` (lessons,) of case.
     """
 
     every: Array
     holds: Array
     true: Array
+    kind: NDArray[np.str_]
 
     def some(self, which: NDArray[np.bool_]) -> Lessons:
-        return Lessons(self.every[which], self.holds[which], self.true[which])
+        every = self.every, self.holds, self.true
+        return Lessons(*(x[which] for x in every), self.kind[which])
 
 
 def stacked(known: Sequence[dict[str, Any]]) -> Lessons:
@@ -152,7 +157,7 @@ def stacked(known: Sequence[dict[str, Any]]) -> Lessons:
         for h, (names, other) in enumerate(sets_):
             holds[k, h, [places[name] for name in names]] = 1.0
             holds[k, h, -1] = not names and not other
-    return Lessons(every, holds, true)
+    return Lessons(every, holds, true, np.array([one["cls"] for one in known]))
 
 
 def log_score(lessons: Lessons, constants: Constants) -> Array:
@@ -162,13 +167,20 @@ def log_score(lessons: Lessons, constants: Constants) -> Array:
     return np.asarray(np.log(np.where(lessons.true > 0, name, 1 - name)).sum(axis=-1))
 
 
+def weights(kind: NDArray[np.str_]) -> Array:
+    """How much each lesson counts, one in the mean: each kind as much as any other."""
+    kinds, at, count = np.unique(kind, return_inverse=True, return_counts=True)
+    return np.asarray(len(kind) / len(kinds) / count[at])
+
+
 def fitted(lessons: Lessons, before: Constants) -> Constants:
     """Constants of the greatest penalised log score; all are positive."""
-    start_ = np.log(astuple(before))
+    start_, weight = np.log(astuple(before)), weights(lessons.kind)
 
     def loss(z: Array) -> float:
         pull = PULL * np.sum((z - start_) ** 2)
-        return float(pull - np.mean(log_score(lessons, Constants(*np.exp(z)))))
+        scores = log_score(lessons, Constants(*np.exp(z)))
+        return float(pull - np.mean(weight * scores))
 
     best = minimize(loss, start_, method="L-BFGS-B")
     return Constants(*(float(x) for x in np.exp(best.x)))

@@ -11,7 +11,14 @@ from made import STIFFNESS, UNITS, histories, mullins
 
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine
-from softnn.mismatch.accounts import Account, _as_mistakes, _worth, search, value
+from softnn.mismatch.accounts import (
+    Account,
+    _as_mistakes,
+    _as_specimens,
+    _worth,
+    search,
+    value,
+)
 from softnn.mismatch.base import Baseline, baseline, scatter, weigh
 from softnn.mismatch.candidates import candidates, expand, names, refine
 from softnn.mismatch.evidence import Weigher
@@ -112,8 +119,7 @@ MISTAKEN = Term(effect("gain_error"), {"error": np.array([0, 0.05, 0, -0.04, 0])
 def test_scales_that_agree_but_for_some_are_mistakes_in_these():
     base = baseline(made([MISTAKEN]), "pl-wiechert")
     weigher, pool = Weigher(base.engine, base.fit), candidates(base.engine, "", False)
-    each = scatter(5, [(r,) for r in range(1, 5)], unsaid=True)
-    apart = refine(base.engine, base.fit, each)
+    apart = apart_from(base)
     asked = [Account(apart, weigher.weigh(apart, whole=False))]
     (found,) = _as_mistakes(weigher, asked, pool)
     (piece,) = found.fit.guess.pieces
@@ -136,6 +142,43 @@ def test_a_scale_of_specimens_stays_beside_a_mistake_of_the_same_worth():
     both = [Account(apart, weighed), Account(mistake, alike)]
     assert value(both[0]) == value(both[1])
     assert {a.effects for a in _worth(both)} == {frozenset(), frozenset({"gain_error"})}
+
+
+def apart_from(base, before=None):
+    """The base, or that fit, with a scale of each recording that nobody wrote down."""
+    each = scatter(5, [(r,) for r in range(1, 5)], unsaid=True)
+    return refine(base.engine, before or base.fit, each)
+
+
+def test_a_gain_error_does_not_keep_specimens_from_being_tried():
+    # It explains specimens that scatter as well, and what they hide is asked with them.
+    scales = Term(effect("gain_error"), {"error": np.array([0, 2, -3, 1, 2]) / 100})
+    base = baseline(made([scales]), "pl-wiechert")
+    weigher = Weigher(base.engine, base.fit)
+    plain = Account(base.fit, weigher.weigh(base.fit, whole=False))
+    (wrong,) = expand(base.engine, base.fit, [effect("gain_error")], 1)
+    weighed = weigher.weigh(wrong, whole=False)
+    far = replace(weighed, alone=weighed.alone + 1e3)
+    tried = _as_specimens(base, weigher, [plain, Account(wrong, far)])
+    assert tried
+    assert all(any(p.unsaid for p in a.fit.guess.pieces) for a in tried)
+
+
+def test_mistakes_are_asked_of_all_that_are_near_the_best():
+    base = baseline(made([MISTAKEN]), "pl-wiechert")
+    weigher = Weigher(base.engine, base.fit)
+    asked = []
+    for name, behind in (("cyclic_softening", 0), ("slack", 9), ("grip_slip", 11)):
+        (lone,) = expand(base.engine, base.fit, [effect(name)], 1)
+        found = apart_from(base, lone)
+        evidence = weigher.weigh(found, whole=False)
+        numbers = 0.5 * evidence.numbers * np.log(len(found.residual))
+        asked.append(Account(found, replace(evidence, alone=numbers - behind)))
+    found = _as_mistakes(weigher, asked, candidates(base.engine, "", False))
+    assert {a.effects for a in found} == {
+        frozenset({"gain_error", "cyclic_softening"}),
+        frozenset({"gain_error", "slack"}),
+    }
 
 
 @pytest.mark.slow

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from test_posterior import HAND
 
-from bench.calibrate import CLIP, fitted, log_score, searching, stacked
+from bench.calibrate import (
+    CLIP,
+    fitted,
+    log_score,
+    searching,
+    stacked,
+    weights,
+)
 from softnn.effects import EFFECTS
 from softnn.mismatch.posterior import CONSTANTS, probabilities
 
@@ -53,6 +60,18 @@ def test_a_fit_learns_what_gains_are_worth():
     even = stacked([lesson(g) for g in (0.0, 9.0, 40.0)])
     low, middle, high = probabilities(even.every, found)[:, 1]
     assert low < 0.2 < middle < 0.8 < high
+
+
+def test_each_kind_counts_alike_however_many_lessons_it_has():
+    found = [lesson(9.0)] * 6 + [lesson(2.0, cls="null", effects=())] * 2
+    each = weights(stacked(found).kind)
+    assert each.sum() == pytest.approx(8.0)
+    assert each[:6].sum() == pytest.approx(each[6:].sum())
+    # More nulls of the same sort teach nothing else.
+    more = stacked(found + found[6:] * 5)
+    few, many = fitted(stacked(found), CONSTANTS), fitted(more, CONSTANTS)
+    p = [probabilities(more.every[0], c)[1] for c in (few, many)]
+    assert p[0] == pytest.approx(p[1], abs=0.01)
 
 
 def test_the_judgement_is_no_part_of_the_search():

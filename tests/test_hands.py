@@ -15,7 +15,7 @@ from bench.concealed.sealing import read_truth
 from bench.hands import bending, kernels, noises, programmes, softening
 from bench.hands.bases import Base
 from bench.hands.drawing import draw, draw_setup
-from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Law
+from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Act, Law
 from bench.hands.forging import forge
 from bench.hands.materials import SKELETONS, SPECTRA, Material
 from bench.hands.orders import LAWS, STRANGERS, laws_of
@@ -359,6 +359,21 @@ def test_bends_bend_and_none_bends_nothing():
     assert spread[0] / spread[1] == pytest.approx(10, rel=0.25)
     # A straight base takes no curve: that would be an effect.
     assert {(d.bare.size, d.bare.strain) for d in drawn} == {(0.0, 0.0)}
+
+
+def test_a_law_is_as_wrong_in_what_is_held_as_in_what_was_recorded():
+    time = np.linspace(0, 20, 400)
+    e = np.abs(np.sin(time / 2))
+    setup = a_setup(time, e, 0.5 * e, 0.5 * e)
+    setup.n, setup.factors = 2, np.ones(2)
+    law = Act(limit=1.0, extra=lambda run, e, stress, a: a * e**2)
+    bend = bending.Bend(0.5, 0.0, 0.0, 0.0, 1.0)
+    bends = bending.Bends(replace(bend, size=0.0), (bend,))
+    _, seen = bending.simulate_bent(setup, [(law, 0.1)], bends)
+    (unseen,) = bending.simulate_bent(setup, [(law, 0.1)], bends, held=True)
+    np.testing.assert_allclose(unseen, seen)
+    plain = simulate(setup, [(law, 0.1)])[1]
+    assert np.abs(seen - plain).max() > 0.005
 
 
 @pytest.mark.parametrize("index", range(3))

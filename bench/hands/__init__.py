@@ -12,6 +12,7 @@ development or held out (docs/hands.md), and a case draws from one side only.
     bases.py        what the base named leaves at its best
     rig.py, softening.py, flowing.py, straining.py, warming.py, sensing.py    laws
     strangers.py, strange_machines.py    what is on no list
+    bending.py      laws that are wrong
     orders.py       what is concealed in which case
     drawing.py      a case
     forging.py      cases and answers on disk

@@ -88,17 +88,22 @@ def simulate_bent(
     setup: Setup, planted: Planted, bends: Bends, held: bool = False
 ) -> list[Array]:
     """As `simulate`; every part of the stress bent."""
-    first = setup.n if held else 0
-    courses = setup.courses[first:] if held else setup.courses[: setup.n]
-    whole = simulate(setup, planted, held)
+    courses = setup.courses[setup.n :] if held else setup.courses[: setup.n]
     parts = [(bends.bare, simulate(setup, (), held), setup.peak)]
     for k, bend in enumerate(bends.laws):
-        rest = [p for i, p in enumerate(planted) if i != k]
-        without = simulate(setup, rest, held)
-        change = [w - o for w, o in zip(whole, without, strict=True)]
-        parts.append((bend, change, max(float(np.abs(c).max()) for c in change)))
-    out = [w.copy() for w in whole]
+        recorded = _change(setup, planted, k, held=False)  # what is held is no measure
+        most = max(float(np.abs(c).max()) for c in recorded)
+        change = _change(setup, planted, k, held) if held else recorded
+        parts.append((bend, change, most))
+    out = simulate(setup, planted, held)
     for bend, change, most in parts:
         for k, (c, course) in enumerate(zip(change, courses, strict=True)):
-            out[k] += bend(c, most, course.strain, setup.em, course.time_s) - c
+            out[k] = out[k] + bend(c, most, course.strain, setup.em, course.time_s) - c
     return out
+
+
+def _change(setup: Setup, planted: Planted, k: int, held: bool) -> list[Array]:
+    """What law k changes of the stress, the others there."""
+    rest = [p for i, p in enumerate(planted) if i != k]
+    both = simulate(setup, planted, held), simulate(setup, rest, held)
+    return [w - o for w, o in zip(*both, strict=True)]

@@ -28,9 +28,9 @@ much they cannot: k' falls from `which` to k with D over 1 + t g. So does the k 
 something on no list, with the D of what leads. That nothing is missing has a k of its
 own: no law can be wrong there, but noise.
 
-The constants are fitted by maximum likelihood to development cases (`bench.calibrate`),
-some of them with laws that are bent. Names, verdict and equivalents are all read off
-these probabilities.
+The constants are fitted to the names of development cases (`bench.calibrate`), some of
+them with laws that are bent. Names, verdict and equivalents are all read off these
+probabilities.
 """
 
 from __future__ import annotations
@@ -52,21 +52,21 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 0.36  # k of how many, and of all else where laws leave much
-    which: float = 1.299  # k of which effects, where laws leave nothing
-    strange: float = 0.931  # k of something on no list, likewise
-    noise: float = 6.997  # k of nothing
-    number: float = 0.578  # of (log n) / 2, the price of a number
-    share: float = 0.145  # r, of the logarithm of what effects gain
-    both: float = 8.241  # of something else beside effects, in their evidence
-    further: float = 9.48  # f, nats a further effect has to gain
-    left: float = 0.728  # c, and so many for the root of what the laws before leave
-    loose: float = 1.269  # of D, at which k is halfway
-    bent: float = 0.011  # t, of what is gained, that laws leave usually
-    first: float = 4.5  # cost of any effect, nats; 3.46 as fitted: see decisions
-    more: float = 1.167  # of each further one
-    own: float = 0.052  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.945  # of something on no list
+    tail: float = 0.339  # k of how many, and of all else where laws leave much
+    which: float = 1.281  # k of which effects, where laws leave nothing
+    strange: float = 0.746  # k of something on no list, likewise
+    noise: float = 7.216  # k of nothing
+    number: float = 0.745  # of (log n) / 2, the price of a number
+    share: float = 0.168  # r, of the logarithm of what effects gain
+    both: float = 6.892  # of something else beside effects, in their evidence
+    further: float = 11.96  # f, nats a further effect has to gain
+    left: float = 0.586  # c, and so many for the root of what the laws before leave
+    loose: float = 1.248  # of D, at which k is halfway
+    bent: float = 0.013  # t, of what is gained, that laws leave usually
+    first: float = 3.644  # cost of any effect, nats
+    more: float = 1.064  # of each further one
+    own: float = 0.054  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.479  # of something on no list
 
 
 CONSTANTS = Constants()
