@@ -132,8 +132,7 @@ class Lessons:
     kind: NDArray[np.str_]
 
     def some(self, which: NDArray[np.bool_]) -> Lessons:
-        every = self.every, self.holds, self.true
-        return Lessons(*(x[which] for x in every), self.kind[which])
+        return Lessons(*(getattr(self, f.name)[which] for f in fields(self)))
 
 
 def stacked(known: Sequence[dict[str, Any]]) -> Lessons:
