@@ -52,21 +52,21 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 0.339  # k of how many, and of all else where laws leave much
-    which: float = 1.281  # k of which effects, where laws leave nothing
-    strange: float = 0.746  # k of something on no list, likewise
-    noise: float = 7.216  # k of nothing
-    number: float = 0.745  # of (log n) / 2, the price of a number
-    share: float = 0.168  # r, of the logarithm of what effects gain
-    both: float = 6.892  # of something else beside effects, in their evidence
-    further: float = 11.96  # f, nats a further effect has to gain
-    left: float = 0.586  # c, and so many for the root of what the laws before leave
-    loose: float = 1.248  # of D, at which k is halfway
-    bent: float = 0.013  # t, of what is gained, that laws leave usually
-    first: float = 3.644  # cost of any effect, nats
-    more: float = 1.064  # of each further one
-    own: float = 0.054  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.479  # of something on no list
+    tail: float = 0.343  # k of how many, and of all else where laws leave much
+    which: float = 1.225  # k of which effects, where laws leave nothing
+    strange: float = 0.758  # k of something on no list, likewise
+    noise: float = 7.257  # k of nothing
+    number: float = 0.775  # of (log n) / 2, the price of a number
+    share: float = 0.179  # r, of the logarithm of what effects gain
+    both: float = 6.536  # of something else beside effects, in their evidence
+    further: float = 10.59  # f, nats a further effect has to gain
+    left: float = 0.675  # c, and so many for the root of what the laws before leave
+    loose: float = 1.264  # of D, at which k is halfway
+    bent: float = 0.015  # t, of what is gained, that laws leave usually
+    first: float = 3.575  # cost of any effect, nats
+    more: float = 1.087  # of each further one
+    own: float = 0.056  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.434  # of something on no list
 
 
 CONSTANTS = Constants()
