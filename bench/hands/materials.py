@@ -223,7 +223,7 @@ class Material:
             [[0.0], np.cumsum((stress[1:] + stress[:-1]) / 2 * np.diff(grid))]
         )
         work -= np.interp(0.0, grid, work)
-        return np.interp(e, grid, work)
+        return np.maximum(np.interp(e, grid, work), 0.0)  # zero may lie off the grid
 
     def described(self) -> dict[str, Any]:
         """For the truth file."""
