@@ -1,5 +1,9 @@
 """What constants are fitted to: lessons stacked, their score by hand, and a fit."""
 
+import json
+from dataclasses import asdict
+from pathlib import Path
+
 import numpy as np
 import pytest
 from test_posterior import HAND
@@ -60,6 +64,12 @@ def test_a_fit_learns_what_gains_are_worth():
     even = stacked([lesson(g) for g in (0.0, 9.0, 40.0)])
     low, middle, high = probabilities(even.every, found)[:, 1]
     assert low < 0.2 < middle < 0.8 < high
+
+
+def test_the_constants_are_those_of_the_last_fit():
+    result = Path(__file__).parents[1] / "studies" / "results" / "calibration.json"
+    told = json.loads(result.read_text(encoding="utf-8"))["constants"]
+    assert asdict(CONSTANTS) == pytest.approx(told, rel=0.02)
 
 
 def test_each_kind_counts_alike_however_many_lessons_it_has():
