@@ -132,3 +132,18 @@ def test_a_replicate_is_of_a_kind_with_what_it_repeats():
     assert found((0.4, 40), (0.4, 10), (0.41, 41), (0.4, 10)) == [0, 1, 0, 1]
     assert found((0.4, 40), (0.8, 80)) == [0, 1]  # as fast, and twice as far
     assert found((0.4, 40), (0.4, 41)) == [0, 1]  # of one kind: each its own
+
+
+def test_a_twin_is_no_other_recording():
+    # Too stiff when fast and too soft when slow: twins foretell each other alone.
+    rng = np.random.default_rng(0)
+    found = []
+    for i, (seconds, more) in enumerate(((40, -0.3), (10, 0.3)) * 2):
+        time = np.arange(0, seconds, 0.1)
+        strain = 0.4 * (1 - np.abs(2 * time / seconds - 1))
+        stress = (2 + more) * strain + SIGMA * rng.standard_normal(len(time))
+        found.append(Recording(time, strain, stress, name=f"r{i}"))
+    engine = engine_of(found)
+    base = fit(engine, Guess(HOOKE, np.ones(1)))
+    told = learn(engine, base, np.random.default_rng(1))
+    assert told is None or told.correction is None

@@ -15,6 +15,7 @@ from bench.limits import reporting as limits_report
 from bench.proof import concealed, limits, make, others, page
 from bench.scoring import Rate, Truth
 from softnn.json_file import plain
+from softnn.study import common
 
 
 def write(folder: Path, name: str, content: dict) -> None:
@@ -318,3 +319,13 @@ def test_lists_of_equivalents_are_told_where_something_is_named():
     assert "empty in 75 % of 8 cases, of 0.5 effects" in told
     none = {"rate": None, "of": 0}
     assert limits.lists_sentence({"with_a_list": none, "mean_length": None}) == ""
+
+
+@pytest.mark.parametrize("code", ["", "0123456789ab"])
+def test_a_result_of_older_code_is_said_to_be_so(tmp_path, code):
+    mine = common.made_by("studies.cost")
+    told = {"made": "2026-01-02"} | mine | ({"made_by_code": code} if code else {})
+    write(tmp_path / "results", "cost", told)
+    made = page.Page(tmp_path / "results", tmp_path)
+    made.section("What it costs", "cost", lambda page, result: None)
+    assert ("2026-01-02" in made.parts[-1]) == bool(code)

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from bench.proof.page import older
 from softnn.study.code import files_of
-from softnn.study.common import RESULTS, code_of, made_by
+from softnn.study.common import RESULTS, code_of
 from studies import pictures
 
 OLDER = Path(__file__).with_name("older_results.txt")  # a name a line
@@ -16,9 +17,7 @@ NOT_OURS = {"ledger"}  # a book of what was opened, not a figure
 def stale() -> set[str]:
     found = set()
     for file in sorted(RESULTS.glob("*.json")):
-        content = json.loads(file.read_text(encoding="utf-8"))
-        study = content.get("made_by")
-        if study is None or made_by(study)["made_by_code"] != content["made_by_code"]:
+        if older(json.loads(file.read_text(encoding="utf-8"))):
             found.add(file.stem)
     return found - NOT_OURS
 

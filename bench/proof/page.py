@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from softnn.study.common import made_by
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -27,6 +29,12 @@ OTHER = "[the proof by other hands](proof-hands.md)."
 DPI = 100  # small files: the figures lie in the repository
 
 Result = Mapping[str, Any]
+
+
+def older(result: Result) -> bool:
+    """Whether a result is not of today's code."""
+    study = result.get("made_by")
+    return study is None or made_by(study)["made_by_code"] != result["made_by_code"]
 
 
 class Page:
@@ -57,8 +65,13 @@ class Page:
         found = self.result(name)
         if found is None:
             self.say(f"Not run: `{COMMANDS[name]}`.")
-        else:
-            write(self, found)
+            return
+        if "made" in found and older(found):  # a book of openings is of many codes
+            self.say(
+                f"**Of older code**: made {found['made']}, and softnn has changed "
+                f"since. `{COMMANDS[name]}` makes it anew."
+            )
+        write(self, found)
 
     def write(self, name: str = "proof.md") -> Path:
         self.folder.mkdir(parents=True, exist_ok=True)
