@@ -118,6 +118,19 @@ def test_networks_are_trained_on_the_device_asked_for():
     assert device_of("auto") == ("cuda" if torch.cuda.is_available() else "cpu")
 
 
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
+@pytest.mark.parametrize("inputs", ["FFRI3", "FFRD4", "FFRD4S", "FFH4", "FFH7"])
+@pytest.mark.parametrize("regularisation", ["bayesian", "early-stopping", "l2=1e-4"])
+def test_a_gpu_trains_what_the_cpu_does(inputs, regularisation):
+    error = {}
+    for device in ("cpu", "cuda"):
+        settings = Settings(neurons=(3,), folds=4, device=device)
+        asked = {"neurons": 3, "inputs": inputs, "regularisation": regularisation}
+        error[device], _ = Trainer(LINES, settings)(asked)
+    # They part by rounding, which may end at a neighbouring optimum of noisy lines.
+    assert error["cuda"] == pytest.approx(error["cpu"], rel=0.02)
+
+
 def test_fraction_is_drawn_once_and_folds_do_not_depend_on_neurons():
     settings = Settings(fraction=0.25, folds=5)
     trainer = Trainer(LINES, settings)

@@ -298,8 +298,8 @@ def _train_batch(
         x, y, weight, within = (torch.from_numpy(a).to(device) for a in stacked(many))
         slack = None
         if one_sign:
-            middle = torch.tensor([float(z.low + z.high) / 2 for _, z in scalings])
-            half = torch.tensor([float(z.half) for _, z in scalings])
+            ends = [[float(z.low + z.high) / 2, float(z.half)] for _, z in scalings]
+            middle, half = torch.tensor(ends, device=device).T
             sign = torch.where(middle >= 0, 1.0, -1.0).repeat_interleave(repeats)
             zero = (-middle / half).repeat_interleave(repeats)
             slack = sign[:, None] * (sign[:, None] * (y - zero[:, None]) <= 1e-6)
