@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike
 from softnn.contracts import Array, Chunk, Effect, InputError, Signal
 from softnn.models.units import Units
 
-Values = Mapping[str, ArrayLike]
-
 
 @dataclass(frozen=True)
 class Term:

@@ -82,7 +82,7 @@ def test_scales_that_agree_are_of_one_specimen(factors, expected):
     base = baseline(recorded(factors), "pl-wiechert")
     each = scatter(5, [(r,) for r in range(1, 5)], unsaid=True)
     found = refine(base.engine, base.fit, each)
-    assert shared(found, 5, SCATTER) == expected
+    assert shared(found, SCATTER) == expected
 
 
 def told(factors):

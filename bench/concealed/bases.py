@@ -85,7 +85,6 @@ SKELETONS: dict[str, tuple[Callable[[Array, Shape], Array], Draw]] = {
     "arruda-boyce": (_arruda_boyce, lambda r, e: {"lock": r.uniform(1.1, 2) * (1 + e)}),
     "demiray": (_demiray, lambda r, e: {"b": r.uniform(0.02, 0.5) / e}),
 }
-LINEAR = ("linear", _linear)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softnn.contracts import Array, Chunk
+from softnn.contracts import Chunk
 
 
 def ramps(
@@ -26,7 +26,3 @@ def cycles(peaks: Sequence[float], rate: float, floor: float = 0.0) -> Chunk:
     for peak in peaks:
         levels += [peak, floor]
     return ramps(levels, rate)
-
-
-def with_temperature(chunk: Chunk, temperature_C: Array) -> Chunk:
-    return Chunk(chunk.time_s, chunk.strain, temperature_C)

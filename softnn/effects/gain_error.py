@@ -23,7 +23,7 @@ class GainError(Effect):
 
     stage = "sensor"
     ports = ("stress",)
-    parameters = (Parameter("error", "-", -0.8, 4.0, 0.1, meaning="gamma"),)
+    parameters = (Parameter("error", "-", -0.95, 20.0, 0.1, meaning="gamma"),)
     off = {"error": 0.0}
     amplitude = "error"
     per_recording = ("error",)

@@ -196,7 +196,7 @@ def _as_specimens(
     before = [rest[0], max(rest, key=value)]
     trials = list(map(apart, before))
     best = max(trials, key=value)
-    groups = shared(best.fit, count, SCATTER)
+    groups = shared(best.fit, SCATTER)
     piece = scatter(count, groups[1:], unsaid=True)
     alike = [apart(a, piece) for a in before]
     if max(map(value, alike)) > value(best):

@@ -52,14 +52,13 @@ class Evidence:
 
     `bare`: of the laws as they stand; `alone`: either so, or with the form error and a
     discrepancy that is slight; `beside`: with something else of any size. `form`,
-    `discrepancy`, `beside_size` and `scatter` are the scales of these at their best.
+    `beside_size` and `scatter` are the scales of these at their best.
     """
 
     bare: float
     alone: float
     beside: float
     form: float
-    discrepancy: float
     beside_size: float
     scatter: float
     numbers: int  # free ones, of the effects
@@ -138,7 +137,6 @@ class Weigher:
             float(np.logaddexp(bare + np.log(EXACT), alone + np.log1p(-EXACT))),
             beside,
             GRIDS[0][place[0]],
-            max(ELSE[i] for i in place[1:APART]),
             max(ELSE[i] for i in at[1:APART]),
             SCATTER[place[APART]],
             sum(

@@ -34,23 +34,31 @@ def sizes(count: int, groups: Sequence[Sequence[int]]) -> list[int]:
     return [count - sum(mine), *mine]
 
 
-def shared(found: Fit, count: int, scales: Sequence[float]) -> list[tuple[int, ...]]:
-    """The likeliest specimens, that of the first recording first.
+def estimated(found: Fit) -> tuple[Array, Array]:
+    """Scales of specimens over the first's (k,), and their precision beside all else.
 
-    `found` has an unsaid scale for each recording but the first. Its scales are as good
-    as normal, so that those of specimens, normal with one of `scales`, are integrated
-    out; groups are merged while there are two, the pair that leaves most at a time.
+    They are as good as normal, so that what they are drawn from can be integrated out.
     """
     slots, pieces = found.slots, found.guess.pieces
-    mine = [j for j, s in enumerate(slots) if s.piece >= 0 and pieces[s.piece].unsaid]
+    mine = [j for j, s in enumerate(slots) if s.piece >= 0 and pieces[s.piece].nuisance]
     first = len(found.guess.stiffness)
     columns = np.zeros(found.jacobian.shape[1], bool)
     columns[[first + j for j in mine]] = True
     apart = found.jacobian[:, columns] / [slots[j].typical for j in mine]
     q = span(found.jacobian[:, ~columns])
     apart = apart - q @ (q.T @ apart)
-    known = apart.T @ apart  # the precision of the scales, beside all else
-    at = np.array([get(found.guess, slots[j]) for j in mine])
+    return np.array([get(found.guess, slots[j]) for j in mine]), apart.T @ apart
+
+
+def shared(found: Fit, scales: Sequence[float]) -> list[tuple[int, ...]]:
+    """The likeliest specimens, that of the first recording first.
+
+    `found` has an unsaid scale for each recording but the first. Those of specimens are
+    normal with one of `scales`; groups are merged while there are two, the pair that
+    leaves most at a time.
+    """
+    at, known = estimated(found)
+    count = len(at) + 1
 
     def value(groups: Sequence[tuple[int, ...]]) -> float:
         member = np.zeros((count, len(groups)))

@@ -6,6 +6,7 @@ from softnn.fit import fit
 from softnn.mismatch import locate, verify
 from softnn.mismatch.accounts import Search
 from softnn.mismatch.base import weigh_by
+from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import NAMED, SURE, posterior
 
 NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
@@ -24,7 +25,7 @@ class Told:
 
     def __init__(self, found: Search) -> None:
         self.found, self.base, self.engine = found, found.base, found.base.engine
-        self.probable = posterior(found.accounts)
+        self.probable = with_mistakes(posterior(found.accounts), self.engine)
         self.account = self.probable.best
         base = self.base.fit
         self.heldout_before = verify.heldout(self.engine, base)
@@ -43,10 +44,19 @@ class Told:
             self.after = fit(self.fine, guess, fixed_base=fixed, iterations=3)
 
     def _names(self) -> list[str]:
-        """The selected effects in the order in which they act, if they may be named."""
-        fits = self.account.effects == self.probable.selected
-        if not (fits and self.tellable and self.helps):
+        """The selected effects in the order in which they act, if they may be named.
+
+        What is said of a specimen stands where the others do not.
+        """
+        if self.account.effects != self.probable.selected:
             return []
+        if not (self.tellable and self.helps):
+            alone = mistaken(self.account.fit)
+            every = [h for h in self.probable.hypotheses if h.effects == alone]
+            if self.few or not alone or not every:
+                return []
+            self.account = every[0].account
+            self.heldout_after = verify.heldout(self.engine, self.account.fit)
         pieces = self.account.fit.guess.pieces
         return [p.effect.id for p in pieces if not p.nuisance]
 
@@ -86,10 +96,12 @@ class Told:
         """Whether recordings left out are foretold better, by more than a little.
 
         As noise and what is not known of the others count it. Where their misfit is
-        the noise, there is nothing that could be taken from it.
+        the noise, or only a specimen is said to be wrong, whose scale was free before,
+        there is nothing that could be taken from it.
         """
         old, new = self.heldout_before.misfit, self.heldout_after.misfit
-        return bool(old < 1 + NEAR or old - new > HELPS * (old - 1))
+        void = old < 1 + NEAR or self.account.effects <= mistaken(self.account.fit)
+        return bool(void or old - new > HELPS * (old - 1))
 
     def _verdict(self) -> str:
         probable = self.probable

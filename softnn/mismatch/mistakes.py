@@ -1,0 +1,113 @@
+"""Is a specimen rather a mistake: a cross-section typed wrong?
+
+Specimens of one material differ by some per cent, and their scales are free in every
+account. One that stands far outside may be of that scatter, or wrong by any factor. No
+fit tells the two apart, only what scales are drawn from: logarithms of scales are
+normal, with a spread that is half-Cauchy, as for any few groups (Gelman 2006,
+doi:10.1214/06-BA117A), or one of them with a size of its own. All of it is summed over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from softnn.contracts import Array
+from softnn.fit import Engine, Fit, Guess, fit
+from softnn.mismatch.accounts import FEWEST
+from softnn.mismatch.evidence import SCATTER_PRIOR
+from softnn.mismatch.posterior import Hypothesis, Posterior
+from softnn.mismatch.specimens import UNSAID, estimated, marginal
+
+SPREADS = 0.01 * 2.0 ** np.arange(8)  # of the logarithm, between specimens
+SIZES = (0.3, 1.0, 2.5)  # of a mistake: a third, a unit twice, a digit
+LEAST = 0.001  # of probability, that is worth an account of its own
+
+
+def weighed(at: Array, known: Array) -> Array:
+    """Probability that each of the specimens (n,), the first first, is a mistake.
+
+    `at` (n - 1,) are logarithms of scales over that of the first, known to a precision.
+    """
+    each = np.eye(len(at) + 1)
+    usual = np.log(SPREADS / (1 + (SPREADS / SCATTER_PRIOR) ** 2))
+
+    def likely(sizes: Array) -> float:
+        weights = each * sizes
+        return marginal(at, known, weights[1:] - weights[0])
+
+    none = logsumexp([likely(np.full(len(each), s)) for s in SPREADS] + usual)
+    out = np.empty((len(each), len(SIZES), len(SPREADS)))
+    for i, j, k in np.ndindex(*out.shape):
+        sizes = np.full(len(each), SPREADS[k])
+        sizes[i] = SIZES[j]
+        out[i, j, k] = likely(sizes) + usual[k]
+    prior = UNSAID + np.log(out[:, :, 0].size)
+    one = logsumexp(out, axis=(1, 2)) - prior
+    return np.exp(one - np.logaddexp(none, logsumexp(one)))
+
+
+def told(found: Fit) -> Array:
+    """The same of the specimens of a fit (n,); none where too few are told."""
+    said = [p for p in found.guess.pieces if p.nuisance and not p.unsaid]
+    if not said or len(said[0].groups) + 1 < FEWEST:
+        return np.zeros(0)
+    at, known = estimated(found)
+    scale = 1 + at
+    return weighed(np.log(scale), known * np.outer(scale, scale))
+
+
+def wrong(guess: Guess, which: int) -> Guess:
+    """The guess with the scale of one of the specimens told, the first 0, a mistake."""
+    place = next(i for i, p in enumerate(guess.pieces) if p.nuisance)
+    said = guess.pieces[place]
+    name = said.effect.amplitude
+    scale = 1.0 + said.values[name]
+    others = {r for group in said.groups for r in group}
+    groups = [tuple(r for r in range(len(scale)) if r not in others), *said.groups]
+    mine = groups.pop(which)
+    one = scale[groups[0][0]]  # of what is the first now
+    off = np.isin(np.arange(len(scale)), mine)
+    rest = np.where(off, 0.0, scale / one - 1)
+    error = np.where(off, scale / one - 1, 0.0)
+    pair = (
+        replace(said, values={name: rest}, groups=tuple(groups[1:])),
+        replace(said, values={name: error}, groups=(mine,), nuisance=False),
+    )
+    pieces = (*guess.pieces[:place], *pair, *guess.pieces[place + 1 :])
+    return replace(guess, stiffness=one * guess.stiffness, pieces=pieces)
+
+
+def mistaken(found: Fit) -> frozenset[str]:
+    """Ids of what a fit says of specimens told, which takes nothing of its misfit."""
+    pieces = found.guess.pieces
+    said = any(p.nuisance and not p.unsaid for p in pieces)
+    wrong = (p.effect.id for p in pieces if p.effect.scatter and not p.nuisance)
+    return frozenset(wrong if said else ())
+
+
+def with_mistakes(probable: Posterior, engine: Engine) -> Posterior:
+    """The posterior with each hypothesis shared: no specimen is a mistake, or one is.
+
+    Beside something on no list a mistake leaves that there.
+    """
+    hypotheses, probability = list(probable.hypotheses), list(probable.probability)
+    beside = list(probable.beside)
+    for i, one in enumerate(probable.hypotheses):
+        found = one.account.fit
+        if any(p.effect.scatter and not p.nuisance for p in found.guess.pieces):
+            continue
+        chance = told(found)
+        which = int(chance.argmax()) if len(chance) else 0
+        share = probable.probability[i] * chance.sum()
+        if share < LEAST:
+            continue
+        guess, fixed = wrong(found.guess, which), found.fixed_base
+        again = fit(engine, guess, fixed_base=fixed, iterations=0)
+        hypotheses.append(Hypothesis(replace(one.account, fit=again)))
+        probability[i] -= share
+        probability.append(share)
+        beside.append(1.0 if one.other else probable.beside[i])
+    return Posterior(tuple(hypotheses), np.array(probability), np.array(beside))

@@ -1,0 +1,128 @@
+"""A cross-section typed wrong, among specimens that were told apart and scatter."""
+
+import numpy as np
+import pytest
+from made import STIFFNESS, UNITS, histories, mullins
+from scipy.integrate import quad
+from scipy.stats import norm
+from test_specimens import recorded
+
+import softnn
+from softnn.mismatch import mistakes
+from softnn.mismatch.base import baseline
+from softnn.mismatch.mistakes import told, weighed, wrong
+from softnn.recording import Recording
+from softnn.simulate import simulate
+
+SURE = 1e8  # precision of a logarithm, as good as exact
+
+
+def chances(logs, precision=SURE):
+    at = np.array(logs[1:]) - logs[0]
+    # Of independent scales of like precision, over the first's, their mean free.
+    n = len(logs)
+    known = precision * (np.eye(n - 1) - 1 / n)
+    return weighed(at, known)
+
+
+def test_it_is_the_sum_over_all_that_scales_may_be_drawn_from(monkeypatch):
+    """Three specimens, one spread, one size: normal densities, worked out by hand."""
+    monkeypatch.setattr(mistakes, "SPREADS", np.array([0.05]))
+    monkeypatch.setattr(mistakes, "SIZES", (0.7,))
+    logs = [0.0, 0.02, 0.2]
+
+    def density(sizes):
+        return quad(
+            lambda mean: np.prod(norm.pdf(logs, mean, sizes)), -3, 3, points=logs
+        )[0]
+
+    none = density([0.05] * 3)
+    each = [density(np.where(np.arange(3) == i, 0.7, 0.05)) for i in range(3)]
+    each = np.exp(-mistakes.UNSAID) * np.array(each) / 3
+    np.testing.assert_allclose(chances(logs), each / (none + each.sum()), rtol=1e-3)
+
+
+def test_who_is_told_first_changes_nothing():
+    logs = np.array([0.03, -0.02, 0.5, 0.0, 0.01])
+    there = chances(logs)
+    order = [2, 4, 0, 3, 1]
+    np.testing.assert_allclose(chances(logs[order]), there[order], rtol=1e-6)
+    assert there.argmax() == 2
+
+
+@pytest.mark.parametrize("factor", [1 / 8.8, 0.5, 2.0, 10.0])
+@pytest.mark.parametrize("spread", [0.01, 0.05])
+def test_one_far_outside_is_a_mistake(factor, spread):
+    others = spread * norm.ppf((np.arange(5) + 0.5) / 5)
+    assert chances([*others, np.log(factor)])[-1] > 0.9
+
+
+@pytest.mark.parametrize("spread", [0.01, 0.05, 0.2, 0.6])
+@pytest.mark.parametrize("count", [4, 6, 12])
+def test_specimens_that_scatter_are_none(spread, count):
+    scales = spread * norm.ppf((np.arange(count) + 0.5) / count)
+    assert chances(scales).sum() < 0.25
+
+
+def test_of_scales_hardly_known_nothing_is_said():
+    """The odds are those of the prior: one case in six."""
+    assert chances([0.0, 0.1, -0.1, 0.9], 1e-6).sum() == pytest.approx(
+        1 / (1 + np.exp(mistakes.UNSAID)), rel=1e-3
+    )
+
+
+@pytest.mark.parametrize("which", [0, 2, 4])
+def test_to_call_a_specimen_wrong_changes_no_stress(which):
+    factors = np.array([1.0, 1.02, 0.99, 1.01, 0.98])
+    factors[which] = 2.0
+    base = baseline(recorded(factors), "pl-wiechert", [(r,) for r in range(5)])
+    assert told(base.fit).argmax() == which
+    guess = wrong(base.fit.guess, which)
+    stress, _ = base.engine.run(guess, False)
+    np.testing.assert_allclose(stress, base.fit.stress, rtol=1e-9, atol=1e-12)
+    (piece,) = [p for p in guess.pieces if not p.nuisance]
+    assert piece.groups == ((which,),)
+    assert piece.values["error"][which] == pytest.approx(1.0, abs=0.06)
+
+
+def test_of_two_specimens_or_none_told_nothing_is_said():
+    data = recorded((1, 1, 2, 2, 2))
+    for groups in ((), [(0, 1), (2, 3, 4)]):
+        assert not len(told(baseline(data, "pl-wiechert", groups).fit))
+
+
+def specimens(width_typed, terms=(), noise=0.002):
+    """Four strips 10.25 mm wide that differ by 2 %, one with another width typed."""
+    rng = np.random.default_rng(3)
+    chunk = histories()[3]
+    (clean,) = simulate(UNITS, STIFFNESS, list(terms), [chunk])
+    out = []
+    for i, own in enumerate((1.0, 0.98, 1.02, 1.01)):
+        stress = own * clean + noise * rng.standard_normal(len(clean))
+        stress *= 10.25 / width_typed if i == 1 else 1.0
+        out.append(
+            Recording(
+                chunk.time_s, chunk.strain, stress, name=f"r{i}", specimen=f"strip {i}"
+            )
+        )
+    return out
+
+
+@pytest.mark.parametrize("width", [90.25, 1.025])
+def test_a_width_typed_wrong_is_named_with_its_factor(width):
+    found = softnn.diagnose(specimens(width), "pl-wiechert")
+    assert found.selected == ["gain_error"]
+    (said,) = found.result["explanations"]
+    assert said["recordings"] == ["r1"]
+    error = said["parameters"]["error of r1"]
+    assert 1 + error["value"] == pytest.approx(10.25 / width, rel=0.08)
+    assert found.verdict == "explained"
+
+
+def test_the_width_is_named_beside_what_the_material_does():
+    found = softnn.diagnose(specimens(20.5, [mullins()]), "pl-wiechert")
+    assert set(found.selected) == {"gain_error", "mullins_softening"}
+
+
+def test_specimens_told_that_differ_by_little_have_nothing_missing():
+    assert softnn.diagnose(specimens(10.25), "pl-wiechert").selected == []
