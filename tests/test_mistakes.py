@@ -117,11 +117,13 @@ def test_a_width_typed_wrong_is_named_with_its_factor(width):
     error = said["parameters"]["error of r1"]
     assert 1 + error["value"] == pytest.approx(10.25 / width, rel=0.08)
     assert found.verdict == "explained"
+    assert f"The stress of r1 is {1 + error['value']:.3g} times what" in found.summary
 
 
 def test_the_width_is_named_beside_what_the_material_does():
     found = softnn.diagnose(specimens(20.5, [mullins()]), "pl-wiechert")
     assert set(found.selected) == {"gain_error", "mullins_softening"}
+    assert "The stress of r1 is 0.49 times" in found.summary
 
 
 def test_specimens_told_that_differ_by_little_have_nothing_missing():

@@ -49,7 +49,7 @@ def account(*names, bare=None, alone=0.0, beside=0.0, numbers=0, own=False):
     places += [(len(names), (1,)), (-1, (0,))]  # specimens, and a value of the base
     slots = [SimpleNamespace(piece=i, recordings=r) for i, r in places]
     bare = alone if bare is None else bare
-    known = Evidence(bare, alone, beside, 0.0, 0.0, 0.0, 0.0, numbers)
+    known = Evidence(bare, alone, beside, 0.0, 0.0, 0.0, numbers)
     fit = SimpleNamespace(guess=guess, residual=np.zeros(N), slots=slots)
     return Account(fit, known)
 

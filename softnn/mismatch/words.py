@@ -6,6 +6,7 @@ from typing import Any
 
 from softnn.effects import effect
 from softnn.mismatch import locate
+from softnn.mismatch.mistakes import mistaken
 from softnn.mismatch.posterior import NAMED, SURE
 from softnn.mismatch.verdict import HELPS, Told
 from softnn.report.phrases import listed, opened, percent, plain
@@ -61,6 +62,13 @@ def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
     """What was left out, or most likely was, and what it takes from the error."""
     chance = min(told.probable.effects[n] for n in told.names)
     named, one = _effects(told.names), len(told.names) == 1
+    apart = _apart(told)
+    if apart and one:  # its scale was free before, so that no error changes
+        before = percent(result["fit"]["before"]["heldout_nrmse"])
+        likely = named if chance >= SURE else f"most likely {named}"
+        said = f"{likely} ({_sure(chance)}).{apart} Otherwise the error is {before}"
+        more = " Part of that stays unexplained." * (told.verdict == "partly_explained")
+        return f"{opened(said)} (noise {noise}).{more}{_otherwise(told)}"
     said = f"Most likely {named} ({_sure(chance)})."
     if chance >= SURE:
         said = (
@@ -81,7 +89,22 @@ def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
         )
     if told.verdict == "partly_explained":
         said += " Part of the mismatch stays unexplained."
-    return said + _otherwise(told)
+    return said + apart + _otherwise(told)
+
+
+def _apart(told: Told) -> str:
+    """By what factor a specimen is off, where one is named as a mistake."""
+    found, said = told.after, ""
+    for piece in found.guess.pieces if mistaken(found) <= set(told.names) else ():
+        if piece.effect.id in mistaken(found) and not piece.nuisance:
+            mine = piece.groups[0]
+            names = listed([told.engine.data.names[r] for r in mine])
+            factor = 1 + float(piece.values[piece.effect.amplitude][mine[0]])
+            said += (
+                f" The stress of {names} is {factor:.3g} times what other specimens "
+                "have: a cross-section or a unit typed wrong?"
+            )
+    return said
 
 
 def _otherwise(told: Told) -> str:
