@@ -14,7 +14,8 @@ class GainError(Effect):
     .. math:: \sigma \to (1 + \gamma)\,\sigma
 
     error gamma, one a recording. It is told from a stiffer material only by other
-    recordings; where several specimens were used, a factor for each of them is no news.
+    recordings; where several specimens were used, a factor for each of them is no news,
+    but one far outside what the others differ by is (`softnn.mismatch.mistakes`).
     Classes of testing machines: ISO 7500-1.
 
     In a recording: the residual is proportional to the stress, all through. Mistaken

@@ -32,7 +32,7 @@ class GripSlip(Effect):
     .. math:: \varepsilon_{spec} = \varepsilon
               - s \,\mathrm{clip}\!\left(\frac{t - t_0}{d}, 0, 1\right)
 
-    slip s as strain, -0.5 to 0.5, moment t0 in s since the recording began, duration d
+    slip s as strain, -10 to 10, moment t0 in s since the recording began, duration d
     in s. Jaw slippage in tension tests of soft strips, ASTM D412-16, section 13.
 
     In a recording: the stress drops within d and stays low by slope times s; holds and
@@ -43,7 +43,7 @@ class GripSlip(Effect):
     stage = "rig"
     ports = ("strain", "branch_strain")
     parameters: tuple[Parameter, ...] = (
-        Parameter("slip", "-", -0.5, 0.5, 0.05, meaning="strain lost", per_strain=-1),
+        Parameter("slip", "-", -10.0, 10.0, 0.05, meaning="strain lost", per_strain=-1),
         Parameter("moment_s", "s", 0.0, 1e7, 1.0, meaning="since the recording began"),
         Parameter("duration_s", "s", 1e-3, 1e5, 0.5, "log", meaning="of the slip"),
     )

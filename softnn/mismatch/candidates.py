@@ -84,8 +84,8 @@ def expand(
         for leads_ in list(of.values())[:most]
         for lead in leads_[: forms + 1]  # a score test may be wrong by a place
     ]
-    if not names(base):
-        found += [refine(engine, base, piece, 6) for piece in shown(engine, pool)]
+    new = [law for law in pool if law.id not in names(base)]
+    found += [refine(engine, base, piece, 6) for piece in shown(engine, new)]
     found = [f for f in found if len(names(f)) > len(names(base))]
     found = _best_forms(found, forms)
     out = []
