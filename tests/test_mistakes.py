@@ -9,7 +9,7 @@ from test_specimens import recorded
 
 import softnn
 from softnn.mismatch import mistakes
-from softnn.mismatch.base import baseline
+from softnn.mismatch.base import baseline, given
 from softnn.mismatch.mistakes import told, weighed, wrong
 from softnn.recording import Recording
 from softnn.simulate import simulate
@@ -83,6 +83,20 @@ def test_to_call_a_specimen_wrong_changes_no_stress(which):
     (piece,) = [p for p in guess.pieces if not p.nuisance]
     assert piece.groups == ((which,),)
     assert piece.values["error"][which] == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.parametrize("which", [0, 2])
+def test_a_simulation_from_elsewhere_is_not_rescaled(which):
+    factors = np.array([1.0, 1.02, 0.99, 1.01, 0.98])
+    factors[which] = 2.0
+    simulated = recorded(np.ones(5), seed=1).stress_MPa
+    base = given(recorded(factors), simulated, [(r,) for r in range(5)])
+    chance = told(base.fit)
+    assert chance[0] == 0.0
+    if which:
+        assert chance.argmax() == which
+        stress, _ = base.engine.run(wrong(base.fit.guess, which), False)
+        np.testing.assert_allclose(stress, base.fit.stress, rtol=1e-9, atol=1e-12)
 
 
 def test_of_two_specimens_or_none_told_nothing_is_said():

@@ -50,13 +50,17 @@ def weighed(at: Array, known: Array) -> Array:
 
 
 def told(found: Fit) -> Array:
-    """The same of the specimens of a fit (n,); none where too few are told."""
+    """The same of the specimens of a fit (n,); none where too few are told.
+
+    The first is what a simulation from elsewhere has, which stays as it is.
+    """
     said = [p for p in found.guess.pieces if p.nuisance and not p.unsaid]
     if not said or len(said[0].groups) + 1 < FEWEST:
         return np.zeros(0)
     at, known = estimated(found)
     scale = 1 + at
-    return weighed(np.log(scale), known * np.outer(scale, scale))
+    chance = weighed(np.log(scale), known * np.outer(scale, scale))
+    return np.where(np.arange(len(chance)) > 0, chance, chance * (not found.fixed_base))
 
 
 def wrong(guess: Guess, which: int) -> Guess:
@@ -82,10 +86,11 @@ def wrong(guess: Guess, which: int) -> Guess:
 
 def mistaken(found: Fit) -> frozenset[str]:
     """Ids of what a fit says of specimens told, which takes nothing of its misfit."""
-    pieces = found.guess.pieces
-    said = any(p.nuisance and not p.unsaid for p in pieces)
-    wrong = (p.effect.id for p in pieces if p.effect.scatter and not p.nuisance)
-    return frozenset(wrong if said else ())
+    said = [p for p in found.guess.pieces if p.nuisance and not p.unsaid]
+    scaled = {r for p in said for group in p.groups for r in group}
+    apart = [p for p in found.guess.pieces if p.effect.scatter and not p.nuisance]
+    free = (p.effect.id for p in apart if not scaled & {r for g in p.groups for r in g})
+    return frozenset(free if said else ())
 
 
 def with_mistakes(probable: Posterior, engine: Engine) -> Posterior:
