@@ -1,5 +1,7 @@
 """A cross-section typed wrong, among specimens that were told apart and scatter."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made import STIFFNESS, UNITS, histories, mullins
@@ -10,7 +12,7 @@ from test_specimens import recorded
 import softnn
 from softnn.mismatch import mistakes
 from softnn.mismatch.base import baseline, given
-from softnn.mismatch.mistakes import told, weighed, wrong
+from softnn.mismatch.mistakes import allowed, told, weighed, wrong
 from softnn.recording import Recording
 from softnn.simulate import simulate
 
@@ -97,6 +99,18 @@ def test_a_simulation_from_elsewhere_is_not_rescaled(which):
         assert chance.argmax() == which
         stress, _ = base.engine.run(wrong(base.fit.guess, which), False)
         np.testing.assert_allclose(stress, base.fit.stress, rtol=1e-9, atol=1e-12)
+
+
+def test_a_scale_beyond_its_range_is_not_written_down():
+    """Over a specimen that is hardly there others are hundreds of times it."""
+    guess = baseline(
+        recorded(np.ones(5)), "pl-wiechert", [(r,) for r in range(5)]
+    ).fit.guess
+    (said,) = guess.pieces
+    scales = {"error": np.array([0.0, -0.9, 19.0, 19.0, 19.0])}
+    guess = replace(guess, pieces=(replace(said, values=scales),))
+    assert allowed(wrong(guess, 1))
+    assert not allowed(wrong(guess, 0))
 
 
 def test_of_two_specimens_or_none_told_nothing_is_said():

@@ -84,6 +84,17 @@ def wrong(guess: Guess, which: int) -> Guess:
     return replace(guess, stiffness=one * guess.stiffness, pieces=pieces)
 
 
+def allowed(guess: Guess) -> bool:
+    """Whether its scales are within their range over the specimen that is first now."""
+    scales = [p for p in guess.pieces if p.effect.scatter]
+    ranges = {q.name: (q.low, q.high) for p in scales for q in p.effect.parameters}
+    return all(
+        np.all((low <= p.values[name]) & (p.values[name] <= high))
+        for p in scales
+        for name, (low, high) in ranges.items()
+    )
+
+
 def mistaken(found: Fit) -> frozenset[str]:
     """Ids of what a fit says of specimens told, which takes nothing of its misfit."""
     said = [p for p in found.guess.pieces if p.nuisance and not p.unsaid]
@@ -110,6 +121,8 @@ def with_mistakes(probable: Posterior, engine: Engine) -> Posterior:
         if share < LEAST:
             continue
         guess, fixed = wrong(found.guess, which), found.fixed_base
+        if not allowed(guess):
+            continue
         again = fit(engine, guess, fixed_base=fixed, iterations=0)
         hypotheses.append(Hypothesis(replace(one.account, fit=again)))
         probability[i] -= share
