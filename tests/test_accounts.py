@@ -250,25 +250,29 @@ def test_a_planted_effect_leaves_the_noise_that_was_drawn(softened):
     assert depth == pytest.approx(0.4, abs=0.05)
 
 
-def test_what_recordings_show_is_a_start_beside_other_effects(monkeypatch):
+@pytest.mark.parametrize("times", [1, 20])
+def test_what_recordings_show_is_a_start_beside_other_effects(monkeypatch, times):
     """A slip that no score test points to, found by its jump, once softening is in."""
-    chunks, slip = histories(), effect("grip_slip")
-    gone, moment = 0.05 * (np.arange(5) == 1), np.full(5, 7.1)
+    chunks = [replace(c, strain=times * c.strain) for c in histories()]
+    units = replace(UNITS, knots=tuple(times * k for k in UNITS.knots))
+    slip, softening = effect("grip_slip"), mullins()
+    softening.values["scale"] *= times
+    gone, moment = 0.05 * times * (np.arange(5) == 1), np.full(5, 7.1)
     values = {"slip": gone, "moment_s": moment, "duration_s": 0.1}
-    planted = [Term(slip, values), mullins()]
+    planted = [Term(slip, values), softening]
     rng = np.random.default_rng(2)
     stress = tuple(
         s + 0.001 * rng.standard_normal(len(s))
-        for s in simulate(UNITS, STIFFNESS, planted, chunks)
+        for s in simulate(units, STIFFNESS / times, planted, chunks)
     )
     base = baseline(Data(tuple("abcde"), tuple(chunks), stress), "pl-wiechert")
-    softening = start_pieces(base.engine, effect("mullins_softening"))[0]
-    beside = refine(base.engine, base.fit, softening)
+    start = start_pieces(base.engine, effect("mullins_softening"))[0]
+    beside = refine(base.engine, base.fit, start)
     monkeypatch.setattr(Screen, "lead", lambda *_: [])
     found = expand(base.engine, beside, EFFECTS, LATER)
     both = [f for f in found if set(names(f)) == {"grip_slip", "mullins_softening"}]
     assert both
     (piece,) = [p for p in both[0].guess.pieces if p.effect.id == "grip_slip"]
     assert piece.groups == ((1,),)
-    assert piece.values["slip"][1] == pytest.approx(0.05, rel=0.15)
+    assert piece.values["slip"][1] == pytest.approx(0.05 * times, rel=0.15)
     assert piece.values["moment_s"][1] == pytest.approx(7.1, abs=0.2)

@@ -19,6 +19,7 @@ from softnn.fit import Engine, Fit, Guess, fit
 from softnn.mismatch.accounts import FEWEST
 from softnn.mismatch.evidence import SCATTER_PRIOR
 from softnn.mismatch.posterior import Hypothesis, Posterior
+from softnn.mismatch.screen import clipped
 from softnn.mismatch.specimens import UNSAID, estimated, marginal
 
 SPREADS = 0.01 * 2.0 ** np.arange(8)  # of the logarithm, between specimens
@@ -86,12 +87,10 @@ def wrong(guess: Guess, which: int) -> Guess:
 
 def allowed(guess: Guess) -> bool:
     """Whether its scales are within their range over the specimen that is first now."""
-    scales = [p for p in guess.pieces if p.effect.scatter]
-    ranges = {q.name: (q.low, q.high) for p in scales for q in p.effect.parameters}
+    scales = [(p.effect, p.values) for p in guess.pieces if p.effect.scatter]
     return all(
-        np.all((low <= p.values[name]) & (p.values[name] <= high))
-        for p in scales
-        for name, (low, high) in ranges.items()
+        np.array_equal(clipped(law, values)[law.amplitude], values[law.amplitude])
+        for law, values in scales
     )
 
 

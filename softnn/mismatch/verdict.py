@@ -52,10 +52,11 @@ class Told:
             return []
         if not (self.tellable and self.helps):
             alone = mistaken(self.account.fit)
-            every = [h for h in self.probable.hypotheses if h.effects == alone]
-            if self.few or not alone or not every:
+            every = [h.account for h in self.probable.hypotheses if h.effects == alone]
+            every = [a for a in every if mistaken(a.fit)]
+            if self.few or not every:
                 return []
-            self.account = every[0].account
+            self.account = every[0]
             self.heldout_after = verify.heldout(self.engine, self.account.fit)
         pieces = self.account.fit.guess.pieces
         return [p.effect.id for p in pieces if not p.nuisance]

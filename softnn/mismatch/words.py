@@ -94,9 +94,9 @@ def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
 
 def _apart(told: Told) -> str:
     """By what factor a specimen is off, where one is named as a mistake."""
-    found, said = told.after, ""
-    for piece in found.guess.pieces if mistaken(found) <= set(told.names) else ():
-        if piece.effect.id in mistaken(found) and not piece.nuisance:
+    said, named = "", mistaken(told.after) & set(told.names)
+    for piece in told.after.guess.pieces:
+        if piece.effect.id in named and not piece.nuisance:
             mine = piece.groups[0]
             names = listed([told.engine.data.names[r] for r in mine])
             factor = 1 + float(piece.values[piece.effect.amplitude][mine[0]])
