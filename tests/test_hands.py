@@ -14,7 +14,7 @@ from bench.concealed.sealing import read_truth
 from bench.hands import kernels, noises, programmes, softening
 from bench.hands.bases import Base
 from bench.hands.drawing import draw, draw_setup
-from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Law
+from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Act, Law
 from bench.hands.forging import forge
 from bench.hands.materials import SKELETONS, SPECTRA, Material
 from bench.hands.orders import LAWS, STRANGERS, laws_of
@@ -215,6 +215,50 @@ def test_hencky_and_green_branches_at_a_step():
         act = a_law("finite_strain", name).make(np.random.default_rng(0), setup)
         found = simulate(setup, [(act, 1.0)])[0][0]
         assert found - spring == pytest.approx(0.5 * size)
+
+
+def a_finite(name: str, strain: np.ndarray, tau: float = 3.0) -> tuple[Act, np.ndarray]:
+    """A law of finite strain alone: stress of its branch of 0.5 MPa, 0.02 s a step."""
+    setup = a_setup(np.arange(len(strain)) * 0.02, strain, taus=(tau,))
+    act = a_law("finite_strain", name).make(np.random.default_rng(0), setup)
+    return act, simulate(setup, [(act, 1.0)])[0] - setup.material.spring(strain)
+
+
+def test_ogden_overstress_at_once_and_back_when_relaxed():
+    """At once Ogden's stress k/l; back at l = 1, relaxed, -(2 k/l^2 + k l)/3."""
+    strain = np.append(np.full(9000, 0.8), 0.0)
+    act, found = a_finite("ogden_overstress", strain, tau=2.0)
+    alpha = act.parameters["alpha"]
+    k = 2 / (3 * alpha) * (1.8**alpha - 1.8 ** (-alpha / 2))
+    assert found[0] == pytest.approx(0.5 * k / 1.8)
+    assert found[50] == pytest.approx(found[0] * np.exp(-50 * 0.02 / 2.0))
+    back = -0.5 * (2 * k / 1.8**2 + 1.8 * k) / 3
+    assert found[-1] == pytest.approx(back, rel=0.01)
+
+
+@pytest.mark.parametrize("e", [2.0, -0.6])
+def test_micro_sphere_at_once_is_elastic(e):
+    """dW/dl of W = E 5/2 <(ln L)^2>, over chains, L = |F r|, and tubes, |F^-T r|."""
+    act, found = a_finite("micro_sphere", np.full(50, e))
+    tubes, c = act.parameters["tubes"], (np.arange(20000) + 0.5) / 20000
+
+    def energy(y: float) -> float:
+        sizes = [np.log(c**2 * z**2 + (1 - c**2) / z) / 2 for z in (y, 1 / y)]
+        chain, tube = (2.5 * np.mean(size**2) for size in sizes)
+        return (1 - tubes) * chain + tubes * tube
+
+    slope = (energy(1 + e + 1e-5) - energy(1 + e - 1e-5)) / 2e-5
+    assert found[0] == pytest.approx(0.5 * slope, rel=1e-4)
+    assert found[-1] == pytest.approx(found[0] * np.exp(-49 * 0.02 / 3.0))
+
+
+@pytest.mark.parametrize("name", ["ogden_overstress", "micro_sphere"])
+def test_a_small_strain_leaves_the_branches_linear(name):
+    time, strain = triangle()
+    _, found = a_finite(name, 0.006 * strain)
+    setup = a_setup(time, 0.006 * strain)
+    linear = linear_flow(setup.material, 0.006 * strain, np.diff(time, prepend=time[0]))
+    assert found == pytest.approx(linear, abs=0.01 * np.abs(linear).max())
 
 
 def test_a_parabolic_toe():

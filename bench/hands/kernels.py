@@ -22,6 +22,23 @@ def responses(steps, clock, taus):
 
 
 @njit(cache=True)
+def branches(steps, clock, taus, moduli):
+    """Maxwell branches on each column of steps (n, p): sum of their stresses."""
+    n, p = steps.shape
+    out = np.zeros((n, p))
+    for j in range(len(taus)):
+        q = np.zeros(p)
+        for k in range(n):
+            x = clock[k] / taus[j]
+            d = np.exp(-x)
+            g = moduli[j] * ((1 - d) / x if x > 1e-9 else 1 - 0.5 * x)
+            for i in range(p):
+                q[i] = q[i] * d + steps[k, i] * g
+                out[k, i] += q[i]
+    return out
+
+
+@njit(cache=True)
 def flow(steps, clock, taus, moduli, mode, scale, power):
     """Branches whose dashpots are not linear: sum of their stresses.
 

@@ -105,14 +105,14 @@ def outer_factor(rng: Rng, s: Setup) -> Act:
     return Act(2.5, {"power": p, "stiffer": float(stiffer)}, "branches", flow=flow)
 
 
-def _large(s: Setup, form) -> Act:
+def _large(s: Setup, form, **parameters: float) -> Act:
     """A blend of linear branches and of `form(stretch, clock)`; a is its share."""
 
     def flow(run: Run, e: Array, clock: Array, a: float) -> Array:
         small = linear_flow(s.material, e, clock)
         return (1 - a) * small + a * form(np.maximum(1 + e, 0.02), clock)
 
-    return Act(1.0, {}, "branches", flow=flow)
+    return Act(1.0, parameters, "branches", flow=flow)
 
 
 def hencky(rng: Rng, s: Setup) -> Act:
@@ -143,6 +143,46 @@ def upper_convected(rng: Rng, s: Setup) -> Act:
 def split_stretch(rng: Rng, s: Setup) -> Act:
     """Neo-Hookean spring and dashpot in series, stretches multiplied."""
     return _by_branch(s, kernels.spring_in_dashpot)
+
+
+def ogden_overstress(rng: Rng, s: Setup) -> Act:
+    """Second Piola-Kirchhoff branches follow the deviator of an Ogden potential's.
+
+    sigma = (2 l R*(k/l^2) + R*(k l)/l^2)/3, k = 2/(3 alpha) (l^alpha - l^(-alpha/2)):
+    R*, the branches' convolution, acts on axial and lateral stress of the material.
+    """
+    alpha = rng.uniform(1.3, 3.0)
+
+    def form(y: Array, dt: Array) -> Array:
+        kirchhoff = 2 / (3 * alpha) * (y**alpha - y ** (-alpha / 2))
+        axial = linear_flow(s.material, kirchhoff / y**2, dt)
+        lateral = linear_flow(s.material, kirchhoff * y, dt)
+        return (2 * y * axial + lateral / y**2) / 3
+
+    return _large(s, form, alpha=alpha)
+
+
+def micro_sphere(rng: Rng, s: Setup) -> Act:
+    """Chains of every direction, and tubes about them, have branches of their own.
+
+    sigma = 5/l <R* ln L  d ln L/d ln l>, the mean over cosines c to the axis, of
+    L^2 = c^2 z^2 + (1 - c^2)/z: z = l for stretch of chains, 1/l for area of tubes.
+    """
+    tubes = rng.uniform(0.0, 0.5)  # their share of the moduli
+    cosines, weights = (half[16:] for half in np.polynomial.legendre.leggauss(32))
+
+    def form(y: Array, dt: Array) -> Array:
+        m, total = s.material, np.zeros(len(y))
+        for z, share in ((y, 1 - tubes), (1 / y, -tubes)):
+            along = np.outer(z**2, cosines**2)
+            across = np.outer(1 / z, 1 - cosines**2)
+            square = along + across
+            steps = np.diff(np.log(square) / 2, axis=0, prepend=0.0)
+            force = kernels.branches(steps, dt, m.taus, m.moduli)
+            total += share * (force * (along - across / 2) / square) @ weights
+        return 5 * total / y
+
+    return _large(s, form, tubes=tubes)
 
 
 _N, _R = "nonlinear_elasticity", "strain_dependent_relaxation"
@@ -196,11 +236,17 @@ LAWS = (
     Law(
         _L, "hencky", DEVELOPMENT, "Hencky 1928; Anand 1979, 10.1115/1.3424532", hencky
     ),
-    Law(_L, "green", HELD_OUT, "Simo 1987, 10.1016/0045-7825(87)90107-1", green_strain),
+    Law(
+        _L,
+        "green",
+        DEVELOPMENT,
+        "Simo 1987, 10.1016/0045-7825(87)90107-1",
+        green_strain,
+    ),
     Law(
         _L,
         "upper_convected",
-        HELD_OUT,
+        DEVELOPMENT,
         "Oldroyd 1950, 10.1098/rspa.1950.0035",
         upper_convected,
     ),
@@ -210,5 +256,19 @@ LAWS = (
         DEVELOPMENT,
         "Reese & Govindjee 1998, 10.1016/S0020-7683(97)00217-5",
         split_stretch,
+    ),
+    Law(
+        _L,
+        "ogden_overstress",
+        HELD_OUT,
+        "Holzapfel 1996, Int. J. Numer. Meth. Engng 39, 3903",
+        ogden_overstress,
+    ),
+    Law(
+        _L,
+        "micro_sphere",
+        HELD_OUT,
+        "Miehe & Goektepe 2005, 10.1016/j.jmps.2005.04.006",
+        micro_sphere,
     ),
 )
