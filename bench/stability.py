@@ -2,9 +2,10 @@
 
 Cases of a folder (`cases/`, `truth/`), and real recordings of SOFTNN_DATA with --real,
 are diagnosed as they are and changed: a row less in each recording, a NaN, a row twice,
-stress in other units, the recordings in another order, another seed. Where the truth
-folder has the noise-free stress (`clean/`), half the noise too: no true name may go, no
-false one come. Written to studies/results/stability.json.
+stress in other units (smaller numbers, where larger ones are refused), the recordings
+in another order, another seed. Where the truth folder has the noise-free stress
+(`clean/`), half the noise too: no true name may go, no false one come. Written to
+studies/results/stability.json.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from bench.reporting import share
 from bench.scoring import Rate
 from softnn.contracts import Array, InputError
 from softnn.mismatch import Case, diagnose, read_case
+from softnn.mismatch.case import LARGEST_STRESS_MPa
 from softnn.readers.tidy import data_folder
 from softnn.recording import Recording
 from softnn.study.common import guarded, markdown, parser, results_folder, write_result
@@ -72,7 +74,14 @@ def twice(recording: Recording, row: int) -> Recording:
 
 
 def by(factor: float) -> Change:
-    return each(lambda r, _: replace(r, stress_MPa=factor * r.stress_MPa))
+    """Stress times a factor; over it, where so much stress is refused."""
+
+    def changed(case: Case, rng: np.random.Generator) -> Case:
+        most = max(float(np.nanmax(np.abs(r.stress_MPa))) for r in case.recordings)
+        own = factor if factor * most < LARGEST_STRESS_MPa else 1 / factor
+        return each(lambda r, _: replace(r, stress_MPa=own * r.stress_MPa))(case, rng)
+
+    return changed
 
 
 CHANGES: dict[str, Change] = {

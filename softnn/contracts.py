@@ -89,19 +89,25 @@ class Parameter:
             )
 
 
+# Weights and strains, each (n,) or (n, sets): stress is the weighted sum of what
+# branches give for each strain.
+Parts = tuple[tuple[Array, Array], ...]
+
+
 @dataclass(frozen=True)
 class Chunk:
     """A stretch of imposed history: `n` samples in time order.
 
     time_s (n,) never decreases; strain (n,) or (n, sets); temperature_C (n,) or None.
     `branch_strain` is what the viscous branches see; it is `strain` unless somebody
-    in front of the model has replaced it.
+    in front of the model has replaced it. `branch_parts` as in a `Signal`.
     """
 
     time_s: Array
     strain: Array
     temperature_C: Array | None = None
     branch_strain: Array | None = None
+    branch_parts: Parts = ()
 
 
 @dataclass(frozen=True)
@@ -178,6 +184,7 @@ class Signal:
     from another recording, cannot tell from time_s). A `before` hook
     sees the strains only; an `after` hook of the material changes `equilibrium` and
     `branches`; one of the sensor changes `stress`, their sum once the material is done.
+    Where there are `branch_parts`, branches follow these in place of `branch_strain`.
     """
 
     time_s: Array
@@ -189,6 +196,7 @@ class Signal:
     branches: Array | None = None
     stress: Array | None = None
     branch_time_s: Array | None = None  # by which branches relax; None: time_s
+    branch_parts: Parts = ()
 
     @property
     def branch_clock(self) -> Array:

@@ -71,7 +71,11 @@ def to_model(signal: Signal) -> Chunk:
     """What the model gets of one set: strains, and the time its branches go by."""
     own = signal.branch_time_s
     time = signal.time_s if own is None else own[:, 0]
-    return Chunk(time, signal.strain[:, 0], None, signal.branch_strain[:, 0])
+    parts = tuple(
+        (np.broadcast_to(w, e.shape)[:, 0], e[:, 0]) for w, e in signal.branch_parts
+    )
+    strain, branch_strain = signal.strain[:, 0], signal.branch_strain[:, 0]
+    return Chunk(time, strain, None, branch_strain, parts)
 
 
 def measured(

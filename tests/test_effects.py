@@ -150,12 +150,17 @@ def test_batch_equals_loop(law):
     signal = reach([term], ready, chunk, memory)
     columns = []
     for j in range(2):
+
+        def own(x, j=j):
+            return np.ascontiguousarray(x[..., min(j, x.shape[-1] - 1), None])
+
         alone = {
-            port: np.ascontiguousarray(x[:, min(j, x.shape[1] - 1)][:, None])
+            port: own(x)
             for port in ("strain", "branch_strain", "branch_time_s")
             if (x := getattr(signal, port)) is not None
         }
-        inner = to_model(replace(signal, **alone))
+        parts = tuple((own(w), own(e)) for w, e in signal.branch_parts)
+        inner = to_model(replace(signal, **alone, branch_parts=parts))
         columns.append(UNITS.respond(inner)[:2])
     signal = type(signal)(
         **{

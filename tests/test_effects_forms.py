@@ -55,36 +55,83 @@ def test_a_branch_too_quick_to_flow_is_a_neo_hookean_strip(stretch):
     np.testing.assert_allclose(out[-1], e / 3 * (stretch - stretch**-2), rtol=1e-6)
 
 
-@pytest.mark.parametrize("exponent", [-1.0, 0.0, 0.5])
+HELD = np.concatenate([[0.0, 1e-9], np.linspace(0.1, 8, 80)])  # a step, and a hold
+
+
+def held_branches(values, stretch):
+    """Stress of branches of 0.7 and 0.4 MPa, 0.5 and 5 s, held at a stretch."""
+    law, units = effect("finite_strain", "DirectedBranches"), ("wiechert", (0.0, 1.0))
+    step = Chunk(HELD, np.append(0.0, np.full(81, stretch - 1)))
+    base = Units(*units, (0.5, 5.0))
+    return simulate(base, [0.0, 0.7, 0.4], [Term(law, values)], [step])[0]
+
+
+@pytest.mark.parametrize("exponent", [-1.0, 0.0, 2.0])
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_branches_of_which_a_share_is_finite_are_the_sum_of_both(share, exponent):
-    # At rest after a step all of them relax alike, so the sum is exact.
-    law, stretch = effect("finite_strain", "PartlyFinite"), 2.5
-    values = {"amount": share, "exponent": exponent}
-    units = Units("wiechert", (0.0, 1.0), (0.5, 5.0))
-    time = np.concatenate([[0.0, 1e-9], np.linspace(0.1, 8, 80)])
-    step = Chunk(time, np.append(0.0, np.full(81, stretch - 1)))
-    out = simulate(units, [0.0, 0.7, 0.4], [Term(law, values)], [step])[0]
-    measure = {
-        -1.0: 1 - 1 / stretch,  # Almansi's for one direction
-        0.0: np.log(stretch),
-        0.5: 2 * (np.sqrt(stretch) - 1),
-    }[exponent]
-    both = (1 - share) * (stretch - 1) + share * measure / stretch
-    fading = 0.7 * np.exp(-time[1:] / 0.5) + 0.4 * np.exp(-time[1:] / 5.0)
-    np.testing.assert_allclose(out[1:], both * fading, rtol=1e-6)
+@pytest.mark.parametrize("stretch", [0.6, 2.5])
+def test_branches_of_which_a_share_is_finite_are_the_sum_of_both(
+    share, exponent, stretch
+):
+    # Stress of a strip by its energy in a Seth-Hill strain, all directions together.
+    values = {"amount": share}
+    values |= {"strain_exponent": exponent, "stress_exponent": exponent}
+
+    def energy(x):
+        sides = np.array([x, x**-0.5, x**-0.5])
+        one = np.log(sides) if exponent == 0 else (sides**exponent - 1) / exponent
+        return np.sum(one**2) / 3
+
+    slope = (energy(stretch + 1e-6) - energy(stretch - 1e-6)) / 2e-6
+    both = (1 - share) * (stretch - 1) + share * slope
+    fading = 0.7 * np.exp(-HELD[1:] / 0.5) + 0.4 * np.exp(-HELD[1:] / 5.0)
+    np.testing.assert_allclose(
+        held_branches(values, stretch)[1:], both * fading, rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize("rate", [-0.1, 0.4])
+def test_an_upper_convected_branch_is_maxwells_equation_in_a_moving_frame(rate):
+    from scipy.integrate import solve_ivp
+
+    # Pulled at a constant logarithmic rate: each direction by itself.
+    tau, e = 2.0, 1.5
+    time = np.linspace(0, 3, 3001)
+    law = effect("finite_strain", "DirectedBranches")
+    values = {"amount": 1.0, "strain_exponent": -2.0, "stress_exponent": 2.0}
+    pull = Chunk(time, np.expm1(rate * time))
+    units = Units("wiechert", (0.0, 1.0), (tau,))
+    out = simulate(units, [0.0, e], [Term(law, values)], [pull])[0]
+
+    def flow(_, s):  # axial and lateral stress, with a shear modulus e / 3
+        pace = np.array([rate, -rate / 2])
+        return 2 * pace * s + 2 * e / 3 * pace - s / tau
+
+    found = solve_ivp(flow, (0, 3), [0, 0], t_eval=time, rtol=1e-9, atol=1e-12).y
+    true = (found[0] - found[1]) * np.exp(-rate * time)
+    np.testing.assert_allclose(out, true, atol=1e-6 * e)
 
 
 def test_all_branches_finite_are_those_of_the_first_form():
     pull = Chunk(np.linspace(0, 9, 91), 1.5 * np.sin(np.linspace(0, 3, 91)))
     units, stiffness = Units("wiechert", (0.0, 1.0), (0.5, 5.0)), [1.0, 0.7, 0.4]
-    law, whole = effect("finite_strain", "PartlyFinite"), effect("finite_strain")
-    part = {"amount": 1.0, "exponent": 0.0}
+    law, whole = effect("finite_strain", "DirectedBranches"), effect("finite_strain")
+    part = {"amount": 1.0, "strain_exponent": 0.0, "stress_exponent": 0.0}
     hencky = {"amount": 1.0, "section": 1.0}
     np.testing.assert_allclose(
         simulate(units, stiffness, [Term(law, part)], [pull])[0],
         simulate(units, stiffness, [Term(whole, hencky)], [pull])[0],
         rtol=1e-10,
+    )
+
+
+def test_green_strain_gives_the_second_stress_of_piola_and_kirchhoff():
+    law, stretch = effect("finite_strain"), np.linspace(0.5, 2.5, 41)
+    pull = Chunk(np.arange(42.0), np.append(0.0, stretch - 1))
+    units = Units("wiechert", (0.0, 1.0), (1e9,))
+    term = Term(law, {"amount": -1.0, "section": 1.0})
+    out = simulate(units, [0.0, 1.7], [term], [pull])[0]
+    np.testing.assert_allclose(
+        out[1:], 1.7 * stretch * (stretch**2 - 1) / 2, rtol=1e-6, atol=1e-7
     )
 
 

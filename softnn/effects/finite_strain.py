@@ -19,12 +19,13 @@ class FiniteStrain(Effect):
     .. math:: \varepsilon_b = \frac{(1+\varepsilon)^{m} - 1}{m}, \quad m = 1-\kappa,
               \qquad \sigma_b \to \sigma_b \,(1+\varepsilon)^{-\kappa s}
 
-    A branch is driven by a strain of the Seth-Hill family, and its true stress is
-    divided by a power of the stretch to give engineering stress. `amount` kappa is 0
-    (engineering strain), 1 (Hencky strain and the current cross-section) or more;
-    `section` s tells the cross-section from the strain. Hill 1968,
-    doi:10.1016/0022-5096(68)90031-8; Reese and Govindjee 1998,
-    doi:10.1016/S0020-7683(97)00217-5.
+    A branch is driven by a strain of the Seth-Hill family, and gives the stress that
+    does work on it. `amount` kappa is 0 (engineering strain), 1 (Hencky strain, and
+    true stress on the current cross-section), -1 (Green strain, and Piola and
+    Kirchhoff's second stress), or any other; `section` s, 1 where it is work, tells the
+    cross-section from the strain. Hill 1968, doi:10.1016/0022-5096(68)90031-8; Reese
+    and Govindjee 1998, doi:10.1016/S0020-7683(97)00217-5; Simo 1987,
+    doi:10.1016/0045-7825(87)90107-1.
 
     In a recording: relaxation and loops grow less than in proportion to strain.
     Mistaken for branches whose strength falls with strain, which at one stretch are
@@ -34,7 +35,7 @@ class FiniteStrain(Effect):
     stage = "material"
     ports = ("branch_strain", "branches")
     parameters: tuple[Parameter, ...] = (
-        Parameter("amount", "-", 0.0, 4.0, 1.0, meaning="0 engineering, 1 Hencky"),
+        Parameter("amount", "-", -3.0, 4.0, 1.0, meaning="1 Hencky, -1 Green strain"),
         Parameter("section", "-", 0.0, 3.0, 1.0, meaning="power of the cross-section"),
     )
     off = {"amount": 0.0}
@@ -47,11 +48,9 @@ class FiniteStrain(Effect):
     }
 
     def before(self, p, signal, state):
-        m = 1 - p["amount"]
         engineering = signal.branch_strain
         true = np.log(np.maximum(1 + engineering, 1e-3))
-        near = np.abs(m) < 1e-9  # Hencky, the limit of the family
-        strain = np.where(near, true, np.expm1(m * true) / np.where(near, 1.0, m))
+        strain = _measure(true, 1 - p["amount"])
         strain = np.where(p["amount"] == 0, engineering, strain)
         return replace(signal, branch_strain=strain), None
 
@@ -67,10 +66,10 @@ class FiniteStrain(Effect):
 
     @property
     def second_forms(self):
-        return (StretchedBranches(), PartlyFinite(), MaterialBranches())
+        return (StretchedBranches(), DirectedBranches(), MaterialBranches())
 
     def starts(self, scales):
-        return [{"amount": 1.0, "section": 1.0}]
+        return [{"amount": k, "section": 1.0} for k in (1.0, -1.0)]
 
     def telltale(self):
         return ramps([0, 0.4, 0.4, 0.9, 0.9, 0.4, 0.4, 0], 0.1)
@@ -109,48 +108,53 @@ class StretchedBranches(FiniteStrain):
         ]
 
 
-class PartlyFinite(FiniteStrain):
-    r"""Branches of which a share is at finite strain, while the rest stays as it is.
+class DirectedBranches(FiniteStrain):
+    r"""Branches that relax in every direction, of which a share is at finite strain.
 
-    .. math:: \sigma_b \to w\,\sigma_b, \qquad
-              \varepsilon_b = \frac{(1-\kappa)\,\varepsilon
-              + \kappa\,h(\lambda)/\lambda}{w}, \qquad
-              w = 1-\kappa + \frac{\kappa}{\lambda}, \qquad
-              h = \frac{\lambda^{m}-1}{m}
+    .. math:: \sigma_b = (1-\kappa)\, R[\varepsilon] + \frac{2\kappa}{3} \left(
+              \lambda^{n-1} R[E_m(\lambda)]
+              - \lambda^{-n/2-1} R[E_m(\lambda^{-1/2})] \right), \qquad
+              E_m(\lambda) = \frac{\lambda^m - 1}{m}
 
-    For a share kappa of 1 the strain is of the Seth-Hill family, of exponent m, and the
-    stress is on the current cross-section; in between, the sum of both parts as far as
-    they relax alike. The family of measures is that of Hill 1968, there.
+    R is what the branches give for a strain; axial and lateral stress relax apart, and
+    the pressure takes up what incompressibility asks for. Exponents m of strain and n
+    of stress are 0 in Hencky's measure, 2 where Piola and Kirchhoff's second stress
+    follows Green's strain, -2 and 2 in an upper-convected Maxwell element, a network
+    whose chains come and go. Hill 1968, there; Simo 1987, there; Lodge 1956,
+    doi:10.1039/TF9565200120.
     """
 
     parameters = (
         Parameter("amount", "-", 0.0, 1.0, 0.5, meaning="share, 1 all of them"),
-        Parameter("exponent", "-", -2.0, 2.0, 0.0, meaning="m, 0 is Hencky"),
+        Parameter("strain_exponent", "-", -3.0, 3.0, 0.0, meaning="m, 0 is Hencky"),
+        Parameter("stress_exponent", "-", -3.0, 3.0, 0.0, meaning="n"),
     )
-    shape: tuple[str, ...] = ("exponent",)
+    shape: tuple[str, ...] = ("strain_exponent", "stress_exponent")
+    after = Effect.after
 
     def before(self, p, signal, state):
-        engineering, share, m = signal.branch_strain, p["amount"], p["exponent"]
-        stretch = np.maximum(1 + engineering, 1e-3)
-        true = np.log(stretch)
-        near = np.abs(m) < 1e-9
-        finite = np.where(near, true, np.expm1(m * true) / np.where(near, 1.0, m))
-        both = (1 - share) * engineering + share * finite / stretch
-        strain = np.where(share == 0, engineering, both / _weight(share, stretch))
-        return replace(signal, branch_strain=strain), None
-
-    def after(self, p, signal, state):
-        stretch = np.maximum(1 + signal.strain, 1e-3)
-        weight = _weight(p["amount"], stretch)
-        return replace(signal, branches=signal.branches * weight), None
+        share, m, n = p["amount"], p["strain_exponent"], p["stress_exponent"]
+        felt = np.log(np.maximum(1 + signal.branch_strain, THINNEST))
+        now = np.log(np.maximum(1 + signal.strain, THINNEST))
+        parts = (
+            (1 - share, signal.branch_strain),
+            (2 / 3 * share * np.exp((n - 1) * now), _measure(felt, m)),
+            (-2 / 3 * share * np.exp(-(n / 2 + 1) * now), _measure(-felt / 2, m)),
+        )
+        return replace(signal, branch_parts=parts), None
 
     def starts(self, scales):
-        return [{"amount": 0.3, "exponent": 0.0}]
+        return [
+            {"amount": k, "strain_exponent": m, "stress_exponent": n}
+            for m, n in ((0.0, 0.0), (2.0, 2.0), (-2.0, 2.0))
+            for k in (0.8, 0.2)
+        ]
 
 
-def _weight(share: Array, stretch: Array) -> Array:
-    """Stress over that of branches of engineering strain, at one elastic strain."""
-    return 1 - share + share / stretch
+def _measure(log: Array, m: Array) -> Array:
+    """Strain of the Seth-Hill family, of exponent m, at the logarithm of a stretch."""
+    near = np.abs(m) < 1e-9  # Hencky, the limit of the family
+    return np.where(near, log, np.expm1(m * log) / np.where(near, 1.0, m))
 
 
 class MaterialBranches(FiniteStrain):

@@ -61,7 +61,7 @@ def _corrected(
         out.functions.append(fill(blocks("base.c")["branches"], filled))
         members.append(f"{prefix}_branches_t fitted;")
         places["branches"] = f"{prefix}_branches(&s->fitted, lapse, b)"
-    steps, own = _effects(model, options, out)
+    steps, own = _effects(model, options, out, places["branches"] != "0.0")
     members += own
     correct, (enter, result) = "", _own_units(model)
     if model.needs_simulated:
@@ -137,9 +137,12 @@ def _springs(model: Stored, prefix: str) -> str:
 
 
 def _effects(
-    model: Stored, options: Options, out: Instance
+    model: Stored, options: Options, out: Instance, branches: bool
 ) -> tuple[dict[str, str], list[str]]:
-    """C of all effects by place, in the order in which `simulate` applies them."""
+    """C of all effects by place, in the order in which `simulate` applies them.
+
+    `branches`: whether the model has any; else what acts on them does nothing.
+    """
     steps = {"before": "", "after": "", "sensor": ""}
     members = []
     order = [
@@ -158,7 +161,11 @@ def _effects(
                     _unless_left_out(law.id, options, out)
                 continue
             text = _template(law.id, law.form)
-            places = _places(model, i, options)
+            if not branches and "{p}_branches" in "".join(
+                text.get(f"{law.form} {part}", "") for part in ("state", "after")
+            ):
+                continue
+            places = _places(model, i, options) | {"p": out.prefix}
             body = text.get(f"{law.form} {kind}")
             if kind == "before" and (state := text.get(f"{law.form} state")):
                 members.append(f"struct {{ {fill(state, places).strip()} }} e{i};")

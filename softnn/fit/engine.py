@@ -22,7 +22,8 @@ HIGHEST = 0.995, 1 - 1e-5  # correlation of samples at one time, of neighbouring
 Memory_s = Sequence[tuple[float, float]]  # (share of the variance, time in s), parts
 Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
 # Of branches, to go on from: the time of each set; last strains and unit stresses.
-Carried = tuple[Array, tuple[Array, Array] | None] | None
+Part = tuple[Array, tuple[Array, Array] | None]
+Carried = tuple[Part, ...] | None
 
 
 def span(columns: Array) -> Array:
@@ -124,8 +125,7 @@ class Engine:
             if own_time
             else self.decays(units, r, chunk.time_s, last)
         )
-        seen = chunk.strain if chunk.branch_strain is None else chunk.branch_strain
-        branch, inner = units.branches(decays, seen, inner)
+        branch, inner = units.followed(decays, chunk, inner)
         out = (units.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner))
         if plain:
             self._cache[key] = out
@@ -320,8 +320,28 @@ class Engine:
     def _borne(
         self, units: Units, r: int, signal: Signal, stiffness: Array, carried: Carried
     ) -> tuple[Array, Carried]:
+        """Stress (n, sets) of the branches, and the state of all that they follow."""
+        parts = signal.branch_parts or ((np.ones(1), signal.branch_strain),)
+        total, after = np.zeros(1), []
+        for (weight, strain), own in zip(
+            parts, carried or (None,) * len(parts), strict=True
+        ):
+            part, own = self._part(units, r, signal, strain, stiffness, own)
+            total = total + weight * part
+            after.append(own)
+        return total, tuple(after)
+
+    def _part(
+        self,
+        units: Units,
+        r: int,
+        signal: Signal,
+        strain: Array,
+        stiffness: Array,
+        carried: Part | None,
+    ) -> tuple[Array, Part]:
         """Stress (n, sets) of the branches, each set in its own time, and the state."""
-        strain, time = signal.branch_strain, signal.branch_time_s
+        time = signal.branch_time_s
         before, state = (None, None) if carried is None else carried
         if time is None:
             last = None if before is None else float(before[0])

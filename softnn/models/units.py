@@ -129,6 +129,23 @@ relaxation_times=(1.0, 2.0, 4.0))
         lost = -np.expm1(-x)
         return 1 - lost, np.where(x > 1e-9, lost / np.maximum(x, 1e-300), 1 - x / 2)
 
+    def followed(
+        self, decays: tuple[Array, Array], chunk: Chunk, state: Any = None
+    ) -> tuple[Array, Any]:
+        """Unit branch stresses (n, branches) for what they follow, and the state."""
+        if not chunk.branch_parts:
+            given = chunk.branch_strain
+            return self.branches(
+                decays, chunk.strain if given is None else given, state
+            )
+        states = state or (None,) * len(chunk.branch_parts)
+        total, out = np.zeros(1), []
+        for (weight, strain), own in zip(chunk.branch_parts, states, strict=True):
+            part, own = self.branches(decays, strain, own)
+            total = total + weight[:, None] * part
+            out.append(own)
+        return total, tuple(out)
+
     def branches(
         self, decays: tuple[Array, Array], strain: Array, state: Any = None
     ) -> tuple[Array, Any]:
@@ -151,10 +168,9 @@ relaxation_times=(1.0, 2.0, 4.0))
         >>> base.respond(hold)[1].round(4).ravel().tolist()
         [0.1, 0.0368]
         """
-        seen = chunk.strain if chunk.branch_strain is None else chunk.branch_strain
         last, inner = (None, None) if state is None else state
         decays = self.decays(chunk.time_s, last)
-        branch, inner = self.branches(decays, seen, inner)
+        branch, inner = self.followed(decays, chunk, inner)
         return self.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner)
 
 
