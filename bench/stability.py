@@ -4,8 +4,8 @@ Cases of a folder (`cases/`, `truth/`), and real recordings of SOFTNN_DATA with 
 are diagnosed as they are and changed: a row less in each recording, a NaN, a row twice,
 stress in other units (smaller numbers, where larger ones are refused), the recordings
 in another order, another seed. Where the truth folder has the noise-free stress
-(`clean/`), half the noise too: no true name may go, no false one come. Written to
-studies/results/stability.json.
+(`clean/`), half the noise too: no true name may go, no false one come. What is finished
+is kept, so a run that was stopped goes on. Written to studies/results/stability.json.
 """
 
 from __future__ import annotations
@@ -25,11 +25,21 @@ from bench.recordings.groups import discover
 from bench.reporting import share
 from bench.scoring import Rate
 from softnn.contracts import Array, InputError
+from softnn.database import Store
 from softnn.mismatch import Case, diagnose, read_case
 from softnn.mismatch.case import LARGEST_STRESS_MPa
 from softnn.readers.tidy import data_folder
 from softnn.recording import Recording
-from softnn.study.common import guarded, markdown, parser, results_folder, write_result
+from softnn.study.common import (
+    code_of,
+    guarded,
+    markdown,
+    package_files,
+    parser,
+    results_folder,
+    runs_folder,
+    write_result,
+)
 from softnn.workers import workers
 
 HALF, SEED = "half the noise", "another seed"
@@ -149,30 +159,40 @@ def main(argv: Sequence[str] | None = None) -> int:
     p.add_argument("--real", nargs="*", metavar="SET", help="sets of SOFTNN_DATA (all)")
     p.add_argument("--cases", type=int, default=20, help="of each folder (20)")
     p.add_argument("--jobs", type=int, default=2)
+    p.add_argument("--fresh", action="store_true", help="forget what is finished")
     return guarded(lambda: run(p.parse_args(argv)))
 
 
 def run(a: Any) -> None:
-    tasks: list[tuple[Case, Sequence[str] | None, Path | None]] = []
+    tasks: dict[str, tuple[Case, Sequence[str] | None, Path | None]] = {}
     for folder in a.folders:
         for path in sorted((folder / "cases").iterdir())[: a.cases]:
             truth = folder / "truth" / path.name
             true = json.loads((truth / "truth.json").read_text("utf-8"))["effects"]
-            tasks.append((read_case(path), true, truth / "clean"))
+            tasks[str(path.resolve())] = read_case(path), true, truth / "clean"
     if a.real is not None:
         groups, _ = discover(data_folder(), a.real)
-        tasks += [(g.case(), None, None) for g in groups]
+        tasks |= {g.label: (g.case(), None, None) for g in groups}
     if a.smoke:
         from bench.recordings.virtual import made_up
 
-        tasks = [(made_up(a.seed)[0].case(), None, None)]
+        tasks = {"smoke": (made_up(a.seed)[0].case(), None, None)}
     if not tasks:
         raise InputError("no cases; give a FOLDER with cases/ and truth/, or --real")
-    rows = []
-    with workers(1 if a.smoke else a.jobs) as pool:
-        futures = [pool.submit(trial, *task) for task in tasks]
-        for future in tqdm(as_completed(futures), total=len(tasks), unit="case"):
-            rows.append(future.result())
+    file = runs_folder(a.smoke) / "stability.sqlite"
+    with (
+        Store(file, code_of(package_files()), fresh=a.smoke or a.fresh) as store,
+        workers(1 if a.smoke else a.jobs) as pool,
+    ):
+        known = store.rows()
+        futures = {
+            pool.submit(trial, *task): name
+            for name, task in tasks.items()
+            if name not in known
+        }
+        for future in tqdm(as_completed(futures), total=len(futures), unit="case"):
+            store.add(futures[future], future.result())
+        rows = [row for name, row in store.rows().items() if name in tasks]
     result = told(rows)
     print(markdown(["change", "cases"], [[k, share(v)] for k, v in result.items()]))
     write_result(

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from bench import ledger
 from bench.concealed import noise_check, reporting
-from bench.reporting import ends
+from bench.reporting import ends, share
 from bench.scoring import CLASSES, SEEN
-from softnn.study.common import COLOURS, FAINT, INK, new_figure
+from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from bench.proof.page import Page
 
 Result = Mapping[str, Any]
+SAME, FALSE = 0.98, 0.02  # bars for recordings that are hardly changed, or quieter
 CLASS_NAMES = {
     "null": "nothing left out",
     "single": "one effect",
@@ -67,6 +68,21 @@ def opened_before(record: Result) -> str:
     if not before:
         return ""
     return f"**Opened before** ({'; '.join(before)}): no fresh evidence."
+
+
+def stability(page: Page, found: Result) -> None:
+    rows = found["rows"]
+    forged = sum(row["true"] is not None for row in rows)
+    page.say(
+        f"Names of {forged} cases with a truth and of {len(rows) - forged} groups of "
+        "real recordings, and of the same hardly changed: the share in which they "
+        f"stay (bar {100 * SAME:.0f} %). With half the noise: the shares in which a "
+        f"true name goes (bar: none) or a false one comes (bar {100 * FALSE:.0f} %).",
+        markdown(
+            ["change", "of", "cases"],
+            [[k, str(v["of"]), share(v)] for k, v in found["rates"].items()],
+        ),
+    )
 
 
 def openings(page: Page, found: Result) -> None:

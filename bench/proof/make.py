@@ -26,6 +26,7 @@ def make(results: Path, folder: Path) -> Path:
     other = Page(results, folder)
     other.say("# The proof by other hands", MADE)
     other.section("Cases by other hands", "hands", proof_hands.hands)
+    other.section("Hardly changed", "stability", proof_hands.stability)
     other.section("All that was ever opened", "ledger", proof_hands.openings)
     other.write("proof-hands.md")
     page = Page(results, folder)

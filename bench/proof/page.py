@@ -16,6 +16,7 @@ COMMANDS = {  # of the result files the page is made of
     "concealed": "python -m studies.concealed",
     "hands": "python -m studies.concealed --hands held-out",
     "ledger": "python -m studies.concealed",
+    "stability": "python -m studies.stability",
     "limits": "python -m studies.limits",
     "rivals": "python -m studies.rivals",
     "recordings": "python -m studies.recordings",

@@ -1,0 +1,77 @@
+"""Recordings hardly changed are hardly changed, and what came of it is counted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from made import write_case
+
+from bench import stability
+from softnn.mismatch import read_case
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    return read_case(write_case(tmp_path_factory.mktemp("hardly") / "case"))
+
+
+@pytest.mark.parametrize(
+    ("name", "longer", "unknown"),
+    [("a row less", -1, 0), ("a NaN", 0, 1), ("a row twice", 1, 0)],
+)
+def test_a_row_is_changed_in_each_recording(case, name, longer, unknown):
+    changed = stability.CHANGES[name](case, np.random.default_rng(0))
+    for old, new in zip(case.recordings, changed.recordings, strict=True):
+        assert len(new.time_s) - len(old.time_s) == longer
+        gaps = np.isnan(new.stress_MPa).sum() - np.isnan(old.stress_MPa).sum()
+        assert gaps == unknown
+        assert {len(new.strain), len(new.stress_MPa)} == {len(new.time_s)}
+        assert np.isin(new.time_s, old.time_s).all()
+
+
+@pytest.mark.parametrize(("name", "up"), [("stress x 10", 10), ("stress x 1000", 1000)])
+@pytest.mark.parametrize("size", [1.0, 3.0, 300.0])
+def test_stress_is_as_much_larger_or_smaller_as_may_be_said(case, name, up, size):
+    loud = stability.by(size)(case, np.random.default_rng(0))
+    most = max(np.abs(r.stress_MPa).max() for r in loud.recordings)
+    changed = stability.CHANGES[name](loud, np.random.default_rng(0))
+    factor = up if up * most < 2000 else 1 / up
+    for old, new in zip(loud.recordings, changed.recordings, strict=True):
+        np.testing.assert_allclose(new.stress_MPa, factor * old.stress_MPa, rtol=1e-12)
+
+
+def test_half_the_noise_is_half_of_what_is_not_clean(case, tmp_path):
+    for r in case.recordings:
+        clean = pd.DataFrame({"time_s": r.time_s, "stress_MPa": r.stress_MPa - 0.25})
+        clean.to_csv(tmp_path / f"{r.name}.csv", index=False, float_format="%.12g")
+    quiet = stability.quieter(case, tmp_path)
+    for old, new in zip(case.recordings, quiet.recordings, strict=True):
+        np.testing.assert_allclose(new.stress_MPa, old.stress_MPa - 0.125, atol=1e-9)
+
+
+def named(before, after, half=None, true=("slack",)):
+    names = dict.fromkeys(stability.CHANGES, before) | {"as it is": before}
+    names["a NaN"] = after
+    if half is not None:
+        names[stability.HALF] = half
+    return {"case": "c", "true": None if true is None else list(true), "named": names}
+
+
+def test_names_that_change_are_counted():
+    rows = [
+        named(["slack"], ["slack"], half=["slack"]),
+        named(["slack"], [], half=[]),  # a true name is lost to less noise
+        named(["slack"], ["slack"], half=["slack", "inertia"]),  # and a false one comes
+        named(["inertia"], ["slack"], true=None),
+    ]
+    told = stability.told(rows)
+    assert (told["a NaN"]["right"], told["a NaN"]["of"]) == (2, 4)
+    assert (told["a row less"]["right"], told["a row less"]["of"]) == (4, 4)
+    every = 4 * len(stability.CHANGES)
+    assert (told["hardly changed"]["right"], told["hardly changed"]["of"]) == (
+        every - 2,
+        every,
+    )
+    assert (told["fewer true names"]["right"], told["fewer true names"]["of"]) == (1, 3)
+    assert (told["more false names"]["right"], told["more false names"]["of"]) == (1, 3)
