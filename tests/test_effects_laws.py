@@ -38,6 +38,7 @@ def stiff_branch_with(name, form, values, chunk):
         ("mullins_softening", "SimoDamage", "depth"),
         ("mullins_softening", "BeattySoftening", "softening"),
         ("cyclic_softening", "PartialSoftening", "loss"),
+        ("cyclic_softening", "SaturatingSoftening", "loss"),
     ],
 )
 def test_softening_is_of_spring_or_branches_as_the_share_says(
@@ -50,6 +51,30 @@ def test_softening_is_of_spring_or_branches_as_the_share_says(
         full = run(name, form, all_of_it, chunk)
         out = run(name, form, values, chunk)
         np.testing.assert_allclose(out, full if does else chunk.strain, atol=1e-9)
+
+
+@pytest.mark.parametrize("closed", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("power", [0.0, 1.0, 3.0])
+def test_cycles_count_by_a_power_of_their_range_and_when_they_close(power, closed):
+    chunk = there_and_back([0, 0.4, 0, 0.4, 0.2, 0.4, 0])
+    values = {"loss": 0.2, "closed": closed, "power": power}
+    out = spring_with("cyclic_softening", "CyclicSoftening", values, chunk)
+    number = 10 ** ((1 - out[1:] / np.maximum(chunk.strain[1:], 1e-9)) / 0.2) - 1
+    # Seen where half of each way is gone: up, down, up, a little down, up, down.
+    small, open_half = 0.5**power, (1 - closed) / 2
+    each = [0, open_half, 1, 1 + open_half, (3 + small) / 2]
+    each.append((3 + small) / 2 + small * open_half)
+    np.testing.assert_allclose(number[199::400], each, atol=1e-6)
+
+
+def test_cycles_that_level_off_come_nearer_by_the_same_share_each():
+    chunk = there_and_back([0, 0.4] * 8 + [0])
+    values = {"loss": 0.3, "closed": 1.0, "power": 0.0, "cycles": 2.0}
+    values["viscous_share"] = 1.0
+    out = spring_with("cyclic_softening", "SaturatingSoftening", values, chunk)
+    peaks = out[400::800] / 0.4
+    expected = 1 - 0.3 * (1 - np.exp(-np.arange(len(peaks)) / 2))
+    np.testing.assert_allclose(peaks, expected, rtol=1e-9)
 
 
 def test_softening_of_beatty_is_the_root_of_what_is_missing_to_the_largest_strain():

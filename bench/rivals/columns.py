@@ -122,15 +122,15 @@ def state(chunk: Chunk) -> dict[str, Array]:
         rate[0] = rate[1]
     moving = np.abs(rate)
     typical = float(np.median(moving[moving > 0])) if (moving > 0).any() else 1.0
-    count = np.zeros((len(strain), 1))
-    reversals(strain[:, None], 0.1, np.zeros((1, 4)), count)
+    closed, half = np.zeros((2, len(strain), 1))
+    reversals(strain[:, None], 0.1, np.zeros(1), np.zeros((1, 7)), closed, half)
     table = {
         "strain": strain,
         "rate": rate,
         "largest_strain": np.maximum.accumulate(np.abs(strain)),
         "direction": np.where(moving > 0.02 * typical, np.sign(rate), 0.0),
         "time": time,
-        "cycles": np.log10(1 + count[:, 0] / 2),
+        "cycles": np.log10(1 + (closed + half)[:, 0] / 2),
         "acceleration": np.gradient(rate) / np.maximum(np.gradient(time), 1e-9)
         if len(rate) > 1
         else 0 * rate,

@@ -141,15 +141,17 @@ def flow(step, increment, time, threshold, exponent, carried, out):
 
 
 @numba.njit(cache=True)
-def reversals(strain, band, state, out):
-    """Number of half cycles completed so far; a reversal is a way back of `band`.
+def reversals(strain, band, power, state, done, pending):
+    """Half cycles (n, sets) of the cycles closed so far, and of one that is open.
 
-    state (sets, 4): extreme since the last reversal, direction, count, largest strain.
-    `band` is a share of the largest absolute strain so far.
+    A reversal is a way back of `band`, a share of the largest absolute strain so far; a
+    half cycle counts by a power (sets,) of its range over the largest one so far.
+    state (sets, 7): extreme since the last reversal, direction, both counts, largest
+    strain, strain at the last reversal, largest range.
     """
     n, sets = strain.shape
     for s in range(sets):
-        extreme, direction, count, peak = state[s]
+        extreme, direction, closed, half, peak, turn, widest = state[s]
         for i in range(n):
             e = strain[i, s]
             peak = max(peak, abs(e))
@@ -160,14 +162,22 @@ def reversals(strain, band, state, out):
             elif direction * (e - extreme) > 0:
                 extreme = e
             elif direction * (extreme - e) > band * peak:
-                direction, extreme, count = -direction, e, count + 1.0
-            out[i, s] = count
+                length = abs(extreme - turn)
+                widest = max(widest, length)
+                counts = (length / widest) ** power[s if power.size > 1 else 0]
+                if half > 0.0:
+                    closed, half = closed + half + counts, 0.0
+                else:
+                    half = counts
+                direction, turn, extreme = -direction, extreme, e
+            done[i, s], pending[i, s] = closed, half
         state[s, 0], state[s, 1], state[s, 2], state[s, 3] = (
             extreme,
             direction,
-            count,
-            peak,
+            closed,
+            half,
         )
+        state[s, 4], state[s, 5], state[s, 6] = peak, turn, widest
 
 
 @numba.njit(cache=True)

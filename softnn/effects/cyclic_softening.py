@@ -17,9 +17,11 @@ class CyclicSoftening(Effect):
 
     .. math:: \sigma \to \sigma \left(1 - c \log_{10}(1 + N)\right)
 
-    loss c per decade, N the number of cycles so far (half the reversals). The factor is
-    not taken below 0.05. Payne and Whittaker 1972, doi:10.5254/1.3547464, find such
-    logarithmic laws in rubber.
+    loss c per decade, N the number of cycles so far. One of a smaller range counts by a
+    power of its range over the largest (0: alike; Miner 1945, doi:10.1115/1.4009458),
+    and half of it at either turn, or all of it when it is closed (`closed` 1). The
+    factor is not taken below 0.05. Payne and Whittaker 1972, doi:10.5254/1.3547464,
+    find such logarithmic laws in rubber.
 
     In a recording: peaks of equal cycles fall, fast at first, then ever more slowly.
     Mistaken for Mullins softening (over after one cycle) and for relaxation (which
@@ -31,9 +33,12 @@ class CyclicSoftening(Effect):
     ports = ("equilibrium", "branches")
     parameters: tuple[Parameter, ...] = (
         Parameter("loss", "-", -0.2, 0.6, 0.12, meaning="c, share a decade of cycles"),
+        Parameter("closed", "-", 0.0, 1.0, 0.0, meaning="1: N counts closed cycles"),
+        Parameter("power", "-", 0.0, 6.0, 0.0, meaning="of a cycle's range in N"),
     )
     off = {"loss": 0.0}
     amplitude = "loss"
+    shape: tuple[str, ...] = ("closed", "power")
     where = "from cycle to cycle at the same amplitude"
     twins = {
         "mullins_softening": "many cycles at one amplitude",
@@ -45,21 +50,24 @@ class CyclicSoftening(Effect):
     def second_forms(self):
         return (TravelSoftening(), SaturatingSoftening(), PartialSoftening())
 
-    def count(self, signal, state):
+    def count(self, p, signal, state):
         from softnn.effects._kernels import reversals
 
         strain = np.ascontiguousarray(signal.strain)
-        state = np.zeros((strain.shape[1], 4)) if state is None else state.copy()
-        out = np.empty_like(strain)
-        reversals(strain, BAND, state, out)
-        return out / 2, state
+        sets = max(strain.shape[1], p["power"].size)
+        strain = np.ascontiguousarray(np.broadcast_to(strain, (len(strain), sets)))
+        state = np.zeros((1, 7)) if state is None else state
+        state = np.broadcast_to(state, (sets, 7)).copy()
+        done, half = np.empty_like(strain), np.empty_like(strain)
+        reversals(strain, BAND, p["power"], state, done, half)
+        return (done + (1 - p["closed"]) * half) / 2, state
 
     def grown(self, p, number):
         """How far the loss has come after so many cycles."""
         return np.log10(1 + number)
 
     def after(self, p, signal, state):
-        number, state = self.count(signal, state)
+        number, state = self.count(p, signal, state)
         lost = p["loss"] * self.grown(p, number)
         spring, branches = self.shares(p)
         new = replace(
@@ -74,7 +82,11 @@ class CyclicSoftening(Effect):
         return 1.0, 1.0
 
     def starts(self, scales):
-        return [{"loss": 0.12}]
+        return [
+            {"loss": 0.12, "closed": c, "power": k}
+            for c in (0.0, 1.0)
+            for k in (0.0, 2.0)
+        ]
 
     def telltale(self):
         return cycles([0.5] * 12, 0.2)
@@ -83,7 +95,10 @@ class CyclicSoftening(Effect):
 class TravelSoftening(CyclicSoftening):
     r"""The same, with cycles counted by travel: N = travel / (2 x range so far)."""
 
-    def count(self, signal, state):
+    parameters = CyclicSoftening.parameters[:1]
+    shape = ()
+
+    def count(self, p, signal, state):
         last, travel, low, high = (0.0, 0.0, 0.0, 0.0) if state is None else state
         step = np.abs(np.diff(signal.strain, axis=0, prepend=last))
         travel = travel + np.cumsum(step, axis=0)
@@ -94,24 +109,8 @@ class TravelSoftening(CyclicSoftening):
         number = np.maximum(number - 0.5, 0.0)
         return number, (signal.strain[-1:], travel[-1:], low[-1:], high[-1:])
 
-
-class SaturatingSoftening(CyclicSoftening):
-    r"""The same where it comes to an end after some cycles.
-
-    .. math:: \sigma \to \sigma \left(1 - c\,(1 - e^{-N / N_0})\right)
-
-    N_0 cycles. Cyclic stress softening of filled rubber that levels off, Asare, Thomas
-    and Busfield 2009, doi:10.5254/1.3548263.
-    """
-
-    parameters = (
-        *CyclicSoftening.parameters,
-        Parameter("cycles", "-", 0.2, 1e5, 4.0, "log", "N_0"),
-    )
-    shape = ("cycles",)
-
-    def grown(self, p, number):
-        return -np.expm1(-number / p["cycles"])
+    def starts(self, scales):
+        return [{"loss": 0.12}]
 
 
 class PartialSoftening(CyclicSoftening):
@@ -134,4 +133,34 @@ class PartialSoftening(CyclicSoftening):
         return np.minimum(2 - share, 1), np.minimum(share, 1)
 
     def starts(self, scales):
-        return [{"loss": 0.15, "viscous_share": v} for v in (0.2, 1.8)]
+        return [
+            {"loss": 0.15, "closed": 1.0, "power": k, "viscous_share": v}
+            for k in (0.0, 2.0)
+            for v in (0.2, 1.8)
+        ]
+
+
+class SaturatingSoftening(PartialSoftening):
+    r"""The same where it comes to an end after some cycles.
+
+    .. math:: \sigma \to \sigma \left(1 - c\,w\,(1 - e^{-N / N_0})\right)
+
+    N_0 cycles, w as in spring and branches by shares. Cyclic stress softening of filled
+    rubber that levels off, Asare, Thomas and Busfield 2009, doi:10.5254/1.3548263.
+    """
+
+    parameters = (
+        *PartialSoftening.parameters,
+        Parameter("cycles", "-", 0.2, 1e5, 4.0, "log", "N_0"),
+    )
+    shape = ("closed", "power", "viscous_share", "cycles")
+
+    def grown(self, p, number):
+        return -np.expm1(-number / p["cycles"])
+
+    def starts(self, scales):
+        return [
+            {"loss": 0.12, "closed": 1.0, "power": k, "viscous_share": v, "cycles": 4.0}
+            for k in (0.0, 2.0)
+            for v in (0.0, 1.0)
+        ]

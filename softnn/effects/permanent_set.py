@@ -85,7 +85,7 @@ class PermanentSet(Effect):
         above, below, counted = (0.0, 0.0, None) if state is None else state
         above = np.maximum.accumulate(np.maximum(np.maximum(strain, 0), above))
         below = np.maximum.accumulate(np.maximum(np.maximum(-strain, 0), below))
-        number, counted = TravelSoftening().count(signal, counted)
+        number, counted = TravelSoftening().count({}, signal, counted)
         grown = (p["first"] + (1 - p["first"]) * np.log10(1 + number)) * (
             np.maximum(above - y, 0) ** p["exponent"]
             - np.maximum(below - y, 0) ** p["exponent"]

@@ -51,24 +51,36 @@ static double first_order(double dt, double x, double tau, double *before, doubl
     return *y;
 }
 /*@ reversals */
-/* Half cycles so far. s: extreme since the last reversal, direction, count, largest. */
-static double reversals(double e, double *s)
+/* Half cycles so far, each by a power of its range. s: extreme since the last reversal,
+   direction, those of closed cycles, of an open one, largest strain, strain at the last
+   reversal, largest range. */
+static double reversals(double e, double power, double closed, double *s)
 {
     const double band = 0.05; /* a way back of a smaller share is no reversal */
-    s[3] = fmax(s[3], fabs(e));
+    s[4] = fmax(s[4], fabs(e));
     if (s[1] == 0.0) {
-        if (fabs(e - s[0]) > band * s[3] && e != s[0]) {
+        if (fabs(e - s[0]) > band * s[4] && e != s[0]) {
             s[1] = e > s[0] ? 1.0 : -1.0;
             s[0] = e;
         }
     } else if (s[1] * (e - s[0]) > 0.0) {
         s[0] = e;
-    } else if (s[1] * (s[0] - e) > band * s[3]) {
+    } else if (s[1] * (s[0] - e) > band * s[4]) {
+        const double length = fabs(s[0] - s[5]);
+        double counts;
+        s[6] = fmax(s[6], length);
+        counts = pow(length / s[6], power);
+        if (s[3] > 0.0) {
+            s[2] += s[3] + counts;
+            s[3] = 0.0;
+        } else {
+            s[3] = counts;
+        }
         s[1] = -s[1];
+        s[5] = s[0];
         s[0] = e;
-        s[2] += 1.0;
     }
-    return s[2];
+    return s[2] + (1.0 - closed) * s[3];
 }
 /*@ stops */
 /* Elements that slide one after the other, from -1 to 1. */

@@ -1,20 +1,20 @@
 /*@ CyclicSoftening state */
-double turns[4];
+double turns[7];
 /*@ CyclicSoftening after */
 {
-    const double number = reversals(e, q->turns) / 2.0;
+    const double number = reversals(e, {power}, {closed}, q->turns) / 2.0;
     const double factor = fmax(1.0 - {loss} * log10(1.0 + number), 0.05);
     eq *= factor;
     br *= factor;
 }
 /*@ SaturatingSoftening state */
-double turns[4];
+double turns[7];
 /*@ SaturatingSoftening after */
 {
-    const double number = reversals(e, q->turns) / 2.0;
-    const double factor = fmax(1.0 + {loss} * expm1(-number / {cycles}), 0.05);
-    eq *= factor;
-    br *= factor;
+    const double number = reversals(e, {power}, {closed}, q->turns) / 2.0;
+    const double lost = -{loss} * expm1(-number / {cycles});
+    eq *= fmax(1.0 - fmin(2.0 - {viscous_share}, 1.0) * lost, 0.05);
+    br *= fmax(1.0 - fmin({viscous_share}, 1.0) * lost, 0.05);
 }
 /*@ TravelSoftening state */
 double last, travel, low, high;
@@ -31,10 +31,10 @@ double last, travel, low, high;
     br *= factor;
 }
 /*@ PartialSoftening state */
-double turns[4];
+double turns[7];
 /*@ PartialSoftening after */
 {
-    const double number = reversals(e, q->turns) / 2.0;
+    const double number = reversals(e, {power}, {closed}, q->turns) / 2.0;
     const double lost = {loss} * log10(1.0 + number);
     eq *= fmax(1.0 - fmin(2.0 - {viscous_share}, 1.0) * lost, 0.05);
     br *= fmax(1.0 - fmin({viscous_share}, 1.0) * lost, 0.05);
