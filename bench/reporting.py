@@ -71,7 +71,8 @@ def publish(
 ) -> Path:
     """Write a trial into NAME.json, beside those of other labels; the path.
 
-    It goes to the project's results if it is to be published, else into `folder`.
+    It goes to the project's results if it is to be published, else into `folder`. Of
+    the others those that other code made say when.
     """
     label = str(record["label"])
     trials: dict[str, Any] = {}
@@ -79,7 +80,9 @@ def publish(
     earlier = where / f"{name}.json"
     if record["published"] and earlier.exists():
         old = json.loads(earlier.read_text(encoding="utf-8"))
-        trials = {k: v for k, v in old["trials"].items() if k != label}
+        code = common.made_by(common.running_study()).get("made_by_code")
+        when = {} if old.get("made_by_code") == code else {"older": old["made"]}
+        trials = {k: {**when, **v} for k, v in old["trials"].items() if k != label}
         kept = {k: v for k, v in old["headline"].items() if k.split("/")[0] in trials}
         headline = kept | dict(headline)
     trials[label] = trial

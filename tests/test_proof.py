@@ -13,6 +13,7 @@ from bench.concealed import reporting
 from bench.concealed.unlisted import UNLISTED
 from bench.limits import reporting as limits_report
 from bench.proof import concealed, limits, make, others, page
+from bench.reporting import publish
 from bench.scoring import Rate, Truth
 from softnn.json_file import plain
 from softnn.study import common
@@ -329,3 +330,26 @@ def test_a_result_of_older_code_is_said_to_be_so(tmp_path, code):
     made = page.Page(tmp_path / "results", tmp_path)
     made.section("What it costs", "cost", lambda page, result: None)
     assert ("2026-01-02" in made.parts[-1]) == bool(code)
+
+
+@pytest.mark.parametrize("code", ["of today", "of yesterday"])
+def test_a_trial_beside_one_of_other_code_says_so(tmp_path, monkeypatch, code):
+    monkeypatch.setattr(common, "results_folder", lambda: tmp_path)
+    monkeypatch.setattr(common, "running_study", lambda: "studies.concealed")
+    kept, now = trial(0.3, 34), trial(1.0, 37)
+    made = {"made_by": "studies.concealed", "made_by_code": code, "made": "2026-11-23"}
+    head = {"weak/single": 0.9}
+    write(tmp_path, "concealed", {"headline": head, "trials": {"weak": kept}, **made})
+    monkeypatch.setattr(
+        common, "made_by", lambda _: made | {"made_by_code": "of today"}
+    )
+    record = {"label": "strong", "published": True, "seed": 10007, "key_sha256": "ab"}
+    publish("concealed", record, {"strong/single": 0.95}, now, tmp_path)
+    make.make(tmp_path, tmp_path / "docs")
+    text = (tmp_path / "docs" / "proof.md").read_text()
+    weak, strong = (
+        next(line for line in text.splitlines() if line.startswith(f"Strength {s},"))
+        for s in ("0.3", "1")
+    )
+    assert ("made 2026-11-23" in weak) == (code == "of yesterday")
+    assert "Of older code" not in strong

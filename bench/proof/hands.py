@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench import ledger
 from bench.concealed import noise_check, reporting
+from bench.proof.page import of_older
 from bench.reporting import ends, share
 from bench.scoring import CLASSES, SEEN
 from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure
@@ -51,6 +52,7 @@ def hands(page: Page, found: Result) -> None:
             f"({counts}); SHA-256 of the truths "
             f"`{record['key_sha256'][:16]}...`; hash of softnn's code "
             f"{', '.join(record['code']) or 'not kept'}.",
+            of_older(t),
             opened_before(record),
             reporting.bars_table(t["bars"]),
             reporting.parts_table(t),

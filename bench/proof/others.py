@@ -7,7 +7,7 @@ from typing import Any
 
 from bench.cost import cost_figure
 from bench.proof.concealed import strength_of, trials_of
-from bench.proof.page import Page, Result
+from bench.proof.page import Page, Result, of_older
 from bench.reporting import share
 from bench.rivals import table
 from softnn.models.units import BASES
@@ -45,6 +45,7 @@ def rivals(page: Page, found: Result) -> None:
         page.say(
             markdown(head, rows),
             beaten(t.get("wins", []), heads),
+            of_older(t),
             t["record"].get("note", ""),
         )
 

@@ -38,6 +38,12 @@ def older(result: Result) -> bool:
     return study is None or made_by(study)["made_by_code"] != result["made_by_code"]
 
 
+def of_older(trial: Result) -> str:
+    """That a trial is not of the code of the last one beside it; "" where it is."""
+    made = trial.get("older")
+    return f"**Of older code**: made {made}." if made else ""
+
+
 class Page:
     """Text and figures of the page, in their order."""
 
