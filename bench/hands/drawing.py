@@ -26,6 +26,7 @@ ENERGIES = (20.0, 30000.0)
 BENT = (1000.0, 1e6)  # energies of what is bent
 QUIET = (0.1, 0.5)  # of the usual noise, over which it is seen
 BARE = 0.1  # of what any law would leave, that the bare response bent may leave
+AGAIN = 100  # tries, after which another base and another material are drawn
 BACK_AND_FORTH = {
     "mullins_softening",
     "permanent_set",
@@ -217,12 +218,17 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
     for law in laws:
         models = tuple(m for m in models if m in MODELS.get(law.effect, USUAL))
         models = models or MODELS[law.effect]
-    model = models[start.integers(len(models))]
-    for tries in range(1, 200):
+    first = int(start.integers(len(models)))
+    for tries in range(1, 400):
+        # Of some materials at large strain one base or other is never adequate.
+        turn = tries // AGAIN
+        model = models[(first + turn) % len(models)]
         rng = np.random.default_rng(
             [seed, SIDES.index(side), CLASSES.index(cls), index, tries]
         )
-        setup, habits, specimens, warm = draw_setup(rng, side, laws, model, skeleton)
+        setup, habits, specimens, warm = draw_setup(
+            rng, side, laws, model, skeleton + turn
+        )
         bare = simulate(setup, ())
         quiet = loguniform(rng, *QUIET) if cls == "bent" else 1.0
         noise = draw_noise(rng, kind, bare, habits.pace_s, quiet)
@@ -264,4 +270,4 @@ def draw(seed: int, index: int, cls: str, side: str) -> Case:
         if bends:
             energies["energy_after_refit"] = base.energy(case.stress())
         return case
-    raise RuntimeError(f"{side} {cls} {index} of seed {seed}: no case in 200 tries")
+    raise RuntimeError(f"{side} {cls} {index} of seed {seed}: no case in 400 tries")
