@@ -247,11 +247,16 @@ def test_every_set_in_the_folder_is_divided_or_left_out_with_a_reason():
             assert not set(split.fit) & set(split.unseen)
 
 
-def test_made_faults_are_carried_on_by_the_same_code_alone(tmp_path, monkeypatch):
+def test_made_faults_of_other_code_are_carried_on_and_say_when(tmp_path, monkeypatch):
     monkeypatch.setattr(rows, "running_study", lambda: "studies.recordings")
     mine = made_by("studies.recordings")["made_by_code"]
+    row = asdict(Row("s", "g", "all", "hooke", selected=[]))
+    here = [groups.Group("s", "g", (), False, None, ())]
     file = tmp_path / "recordings.json"
-    for code, kept in ((mine, {"found": 1}), ("0" * 12, None)):
-        told = {"made_by_code": code, "rows": [], "faults": {"found": 1}}
+    for code, older in ((mine, {}), ("0" * 12, {"older": "2026-11-20"})):
+        told = {"made": "2026-11-20", "made_by_code": code}
+        told |= {"rows": [row], "faults": {"found": 1}}
         file.write_text(json.dumps(told))
-        assert rows.kept(file, [], [])["faults"] == kept
+        kept = rows.kept(file, ["pl-wiechert"], here)
+        assert kept["faults"] == {"found": 1} | older
+        assert len(kept["rows"]) == (not older)  # what has a row is diagnosed anew

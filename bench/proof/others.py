@@ -129,7 +129,8 @@ def recordings(page: Page, found: Result) -> None:
         cells = [[name, share(e), e["of"]] for name, e in entries]
         page.say(
             "Faults made on copies of real recordings, to be found on top of what is "
-            f"there (hash of softnn's code {', '.join(faults['code'])}):",
+            f"there (hash of softnn's code {', '.join(faults['code'])}): "
+            + of_older(faults),
             markdown(["fault", "found", "copies"], cells),
             "A false name is one that the original has not. In the last row the copy "
             "has no fault but lacks a recording: names may come anyhow.",

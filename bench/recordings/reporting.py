@@ -55,7 +55,8 @@ def report(
         main = MAIN if any(r.base == MAIN for r in untouched) else main
     note = "\n\n".join(tables(untouched, material, faults, main))
     print(note)
-    head = headline(untouched, material, faults, main)
+    now = None if faults and faults.get("older") else faults
+    head = headline(untouched, material, now, main)
     body = {
         "left_out": left_out,
         "literature": [

@@ -87,14 +87,15 @@ def version() -> str:
 def kept(file: Path, bases: Sequence[str], groups: Sequence[Group]) -> dict[str, Any]:
     """Rows of other bases than `bases` and made faults in an earlier result.
 
-    Only where it is of the same code.
+    Where it is of other code, made faults alone, which say when.
     """
     if not file.exists():
         return {"rows": [], "faults": None}
     told = json.loads(file.read_text(encoding="utf-8"))
     mine = made_by(running_study())
     if mine and told.get("made_by_code") != mine["made_by_code"]:
-        return {"rows": [], "faults": None}
+        faults = told["faults"]
+        return {"rows": [], "faults": faults and {"older": told["made"], **faults}}
     names = {f.name for f in fields(Row)}
     here = {(g.set, g.name) for g in groups}
     rows = [
