@@ -13,7 +13,7 @@ from scipy.special import erf
 from bench.concealed.sealing import read_truth
 from bench.hands import kernels, noises, programmes, softening
 from bench.hands.bases import Base
-from bench.hands.drawing import draw, draw_setup
+from bench.hands.drawing import AGAIN, draw, draw_setup
 from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Act, Law
 from bench.hands.forging import forge
 from bench.hands.materials import SKELETONS, SPECTRA, Material
@@ -388,3 +388,10 @@ def test_nulls_conceal_nothing():
     case = draw(2, 0, "null", DEVELOPMENT)
     assert case.laws == ()
     assert case.energies["energy_after_refit"] < 3
+
+
+def test_where_no_base_is_adequate_another_is_drawn():
+    # Two hundred tries with a linear spring at large strain gave none.
+    case = draw(20016, 7, "bent", "held_out")
+    assert [law.effect for law in case.laws] == ["mullins_softening", "finite_strain"]
+    assert case.tries >= AGAIN

@@ -56,7 +56,7 @@ class Page:
         return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
 
     def say(self, *paragraphs: str) -> None:
-        self.parts += [p for p in paragraphs if p]
+        self.parts += [p.strip() for p in paragraphs if p]
 
     def figure(self, name: str, figure: Figure, about: str) -> None:
         place = self.folder / "figures"

@@ -27,9 +27,9 @@ class FiniteStrain(Effect):
     and Govindjee 1998, doi:10.1016/S0020-7683(97)00217-5; Simo 1987,
     doi:10.1016/0045-7825(87)90107-1.
 
-    In a recording: relaxation and loops grow less than in proportion to strain.
-    Mistaken for branches whose strength falls with strain, which at one stretch are
-    the same thing, and for nonlinear viscosity (which depends on rate).
+    In a recording: relaxation and loops grow less than in proportion to strain (more,
+    for kappa below 0). Mistaken for branches whose strength falls with strain, which at
+    one stretch are the same thing, and for nonlinear viscosity (which depends on rate).
     """
 
     stage = "material"
@@ -82,9 +82,9 @@ class StretchedBranches(FiniteStrain):
               \left(e^{2\kappa q} - e^{-\kappa q}\right) (1+\varepsilon)^{-\kappa s},
               \qquad q = \sigma_b / G
 
-    At kappa 1 the springs are neo-Hookean; modulus G in MPa is that of the branches
-    together, as if all had the same elastic stretch. Ogden 1972,
-    doi:10.1098/rspa.1972.0026, of one term; Reese and Govindjee 1998, there as well.
+    At kappa 1 the springs are neo-Hookean, below 0 they stay linear; modulus G in MPa
+    is that of the branches together, as if all had the same elastic stretch. Ogden
+    1972, doi:10.1098/rspa.1972.0026, of one term; Reese and Govindjee 1998, there.
     """
 
     parameters = FiniteStrain.parameters + (
