@@ -153,6 +153,32 @@ def test_thinning_keeps_reversals():
     assert np.abs(np.interp(time, few.time_s, few.strain) - strain).max() < 0.01
 
 
+@pytest.mark.parametrize("count", [1000, 1001, 1700, 2400])
+def test_thinning_forgets_one_sample_of_a_row_less(count):
+    time = 0.1 * np.arange(count)
+    strain = 0.5 * np.abs((time / 10) % 2 - 1)
+    whole = Recording(time, strain, strain, name="a")
+    for row in (1, 500, count - 2):
+        less = [
+            np.delete(getattr(whole, name), row)
+            for name in ("time_s", "strain", "stress_MPa")
+        ]
+        kept = [
+            set(thin(Case("c", (one,)), 1000).recordings[0].time_s)
+            for one in (whole, Recording(*less, name="a"))
+        ]
+        assert len(kept[0] ^ kept[1]) <= 4  # of a corner, both beside it
+        assert len(kept[0]) > 500
+
+
+def test_thinning_keeps_fast_stretches_dense():
+    fast, slow = np.arange(0, 2, 0.001), 2 + np.arange(0, 2000.0)
+    time = np.concatenate([fast, slow])
+    recording = Recording(time, time, time, name="a")
+    kept = thin(Case("c", (recording,)), 1000).recordings[0].time_s
+    assert (kept < 2).sum() == pytest.approx(500, abs=2)
+
+
 @pytest.mark.parametrize(
     ("levels", "only"),
     [

@@ -82,12 +82,14 @@ class StretchedBranches(FiniteStrain):
               \left(e^{2\kappa q} - e^{-\kappa q}\right) (1+\varepsilon)^{-\kappa s},
               \qquad q = \sigma_b / G
 
-    At kappa 1 the springs are neo-Hookean, below 0 they stay linear; modulus G in MPa
-    is that of the branches together, as if all had the same elastic stretch. Ogden
-    1972, doi:10.1098/rspa.1972.0026, of one term; Reese and Govindjee 1998, there.
+    At kappa 1 the springs are neo-Hookean; modulus G in MPa is that of the branches
+    together, as if all had the same elastic stretch. Ogden 1972,
+    doi:10.1098/rspa.1972.0026, of one term; Reese and Govindjee 1998, there.
     """
 
-    parameters = FiniteStrain.parameters + (
+    parameters = (
+        replace(FiniteStrain.parameters[0], low=0.0, meaning="1 neo-Hookean"),
+        FiniteStrain.parameters[1],
         Parameter("modulus_MPa", "MPa", 1e-6, 1e6, 1.0, "log", "G, of all branches", 1),
     )
     shape = ("section", "modulus_MPa")
@@ -102,10 +104,8 @@ class StretchedBranches(FiniteStrain):
 
     def starts(self, scales):
         modulus = scales.stress_MPa / scales.strain
-        return [
-            s | {"modulus_MPa": float(np.clip(modulus, 1e-6, 1e6))}
-            for s in super().starts(scales)
-        ]
+        modulus = float(np.clip(modulus, 1e-6, 1e6))
+        return [{"amount": 1.0, "section": 1.0, "modulus_MPa": modulus}]
 
 
 class DirectedBranches(FiniteStrain):

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from softnn.axes import common
 from softnn.contracts import Array, Chunk, InputError, nearest
@@ -23,6 +25,8 @@ LARGEST_STRAIN = 15.0  # 1500 %: beyond what any elastomer here stands
 LARGEST_STRESS_MPa = 2000.0
 SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of what any gel or machine shows
 LONGEST_S = 1e11  # three thousand years
+BESIDE = 9  # intervals, of which the middle one is usual
+PAUSE = 10  # of them, beyond which a logger lost nothing but stood still
 
 
 @dataclass(frozen=True)
@@ -173,6 +177,19 @@ def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
             file=file,
             column="strain",
         )
+
+
+def in_order(case: Case) -> Case:
+    """The case by the names of its recordings, where their order says nothing."""
+    if case.history != "fresh":
+        return case
+    by = sorted(range(len(case.recordings)), key=lambda i: case.recordings[i].name)
+    simulated = case.simulated_MPa
+    return replace(
+        case,
+        recordings=tuple(case.recordings[i] for i in by),
+        simulated_MPa=simulated and tuple(simulated[i] for i in by),
+    )
 
 
 def check_case(case: Case) -> None:
@@ -344,25 +361,38 @@ def thin(case: Case, most: int) -> Case:
 
 
 def _kept(strain: Array, time: Array, most: int) -> Array | None:
-    n = len(strain)
-    if n <= most:
+    tick = ticks(time)
+    stride = -(-(int(tick[-1]) + 1) // most)
+    if stride == 1 and len(time) <= most:
         return None
-    stride = int(np.ceil(n / most))
-    keep = set(range(0, n, stride)) | {n - 1}
+    _, even = np.unique(tick // stride, return_index=True)
+    keep = {*even, len(time) - 1}
     # Turning points on a scale of a hundredth of the range; noise makes no corner.
     filled = np.interp(time, time[np.isfinite(strain)], strain[np.isfinite(strain)])
-    rate = np.gradient(filled[::stride])
-    turn = np.flatnonzero(np.diff(np.sign(rate)) != 0) * stride
+    turn = np.flatnonzero(np.diff(np.sign(np.gradient(filled[even]))) != 0)
     band = 0.01 * (filled.max() - filled.min())
     for j in turn[: most // 2]:
-        lo, hi = max(j - stride, 0), min(j + 2 * stride, n)
+        lo, hi = even[max(j - 1, 0)], even[min(j + 2, len(even) - 1)]
         for k in (
-            lo + int(np.argmax(filled[lo:hi])),
-            lo + int(np.argmin(filled[lo:hi])),
+            lo + int(np.argmax(filled[lo : hi + 1])),
+            lo + int(np.argmin(filled[lo : hi + 1])),
         ):
-            if (
-                abs(filled[k] - filled[lo]) > band
-                or abs(filled[k] - filled[hi - 1]) > band
-            ):
+            if abs(filled[k] - filled[lo]) > band or abs(filled[k] - filled[hi]) > band:
                 keep.add(k)
     return np.array(sorted(keep))
+
+
+def ticks(time: Array) -> NDArray[np.integer]:
+    """Of each sample, how many its logger had taken before it, lost ones counted.
+
+    By the intervals around it, as rates may change. A pause is one interval.
+
+    >>> ticks(np.array([0.0, 1, 2, 4, 5, 5, 6, 7, 60, 61])).tolist()
+    [0, 1, 2, 4, 5, 5, 6, 7, 8, 9]
+    """
+    step = np.diff(time)
+    usual = median_filter(step, size=BESIDE, mode="mirror")
+    lost = np.round(step / np.where(usual > 0, usual, np.inf))
+    lost = np.where(lost > PAUSE, 1, lost)
+    lost[usual <= 0] = 1
+    return np.concatenate([[0], np.cumsum(lost)]).astype(int)

@@ -16,7 +16,7 @@ from softnn.fit import Fit
 from softnn.mismatch import base, untaught, written
 from softnn.mismatch.accounts import search
 from softnn.mismatch.base import beyond, usable
-from softnn.mismatch.case import Case, check_case, check_model, to_data
+from softnn.mismatch.case import Case, check_case, check_model, in_order, to_data
 from softnn.mismatch.learn import learn
 from softnn.mismatch.verdict import Told
 from softnn.model_file import Correction, Stored, from_dict, to_dict
@@ -125,6 +125,7 @@ def _diagnose(
 ) -> Diagnosis:
     clock = time.perf_counter()
     check_case(case)
+    case = in_order(case)
     if seed < 0:
         raise InputError(f"seed is {seed}; allowed is a whole number from 0")
     rng = np.random.default_rng(seed)
