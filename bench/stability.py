@@ -29,7 +29,7 @@ from softnn.database import Store
 from softnn.mismatch import Case, diagnose, read_case
 from softnn.mismatch.case import LARGEST_STRESS_MPa
 from softnn.readers.tidy import data_folder
-from softnn.recording import Recording
+from softnn.recording import Recording, data_hash
 from softnn.study.common import (
     code_of,
     guarded,
@@ -116,7 +116,9 @@ def quieter(case: Case, clean: Path) -> Case:
     return replace(case, recordings=tuple(map(half, case.recordings)))
 
 
-def trial(case: Case, true: Sequence[str] | None, clean: Path | None) -> dict[str, Any]:
+def trial(
+    of: str, case: Case, true: Sequence[str] | None, clean: Path | None
+) -> dict[str, Any]:
     """Names of a case as it is and changed; `true` where its truth is known."""
     rng = np.random.default_rng(0)
     ways: dict[str, Case] = {"as it is": case}
@@ -125,22 +127,37 @@ def trial(case: Case, true: Sequence[str] | None, clean: Path | None) -> dict[st
             ways[name] = change(case, rng)
     if clean is not None and clean.is_dir():
         ways[HALF] = quieter(case, clean)
-    named = {
-        name: sorted(diagnose(one, seed=int(name == SEED)).selected)
-        for name, one in ways.items()
+    told = {n: diagnose(one, seed=int(n == SEED)) for n, one in ways.items()}
+    return {
+        "of": of,
+        "case": case.name,
+        "data": data_hash(case.recordings),
+        "true": true,
+        "named": {n: sorted(one.selected) for n, one in told.items()},
+        "verdict": {n: one.verdict for n, one in told.items()},
     }
-    return {"case": case.name, "true": true, "named": named}
 
 
 def told(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Shares of cases with the same names, and what half the noise does to them."""
+    """Shares of cases with the same names, and what half the noise does to them.
+
+    *Uncertain* are names that differ where the verdict is undetermined both times.
+    """
     out: dict[str, Any] = {}
+    every: list[bool] = []
+    unsure = 0
     for name in CHANGES:
-        mine = [r["named"] for r in rows if name in r["named"]]
-        out[name] = Rate(sum(n[name] == n["as it is"] for n in mine), len(mine)).entry()
-    shares = [out[name] for name in CHANGES]
-    same = Rate(sum(s["right"] for s in shares), sum(s["of"] for s in shares))
-    out["hardly changed"] = same.entry()
+        mine = [r for r in rows if name in r["named"]]
+        same = [r["named"][name] == r["named"]["as it is"] for r in mine]
+        out[name] = Rate(sum(same), len(same)).entry()
+        every += same
+        unsure += sum(
+            r["verdict"][name] == r["verdict"]["as it is"] == "undetermined"
+            for r, ok in zip(mine, same, strict=True)
+            if not ok
+        )
+    out["hardly changed"] = Rate(sum(every), len(every)).entry()
+    out["the same, or uncertain"] = Rate(sum(every) + unsure, len(every)).entry()
     halved = [r for r in rows if HALF in r["named"] and r["true"] is not None]
     fewer = more = 0
     for r in halved:
@@ -164,19 +181,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(a: Any) -> None:
-    tasks: dict[str, tuple[Case, Sequence[str] | None, Path | None]] = {}
+    tasks: dict[str, tuple[str, Case, Sequence[str] | None, Path | None]] = {}
     for folder in a.folders:
         for path in sorted((folder / "cases").iterdir())[: a.cases]:
             truth = folder / "truth" / path.name
             true = json.loads((truth / "truth.json").read_text("utf-8"))["effects"]
-            tasks[str(path.resolve())] = read_case(path), true, truth / "clean"
+            task = folder.name, read_case(path), true, truth / "clean"
+            tasks[str(path.resolve())] = task
     if a.real is not None:
         groups, _ = discover(data_folder(), a.real)
-        tasks |= {g.label: (g.case(), None, None) for g in groups}
+        tasks |= {g.label: ("recordings", g.case(), None, None) for g in groups}
     if a.smoke:
         from bench.recordings.virtual import made_up
 
-        tasks = {"smoke": (made_up(a.seed)[0].case(), None, None)}
+        tasks = {"smoke": ("made up", made_up(a.seed)[0].case(), None, None)}
     if not tasks:
         raise InputError("no cases; give a FOLDER with cases/ and truth/, or --real")
     file = runs_folder(a.smoke) / "stability.sqlite"
@@ -198,7 +216,8 @@ def run(a: Any) -> None:
     write_result(
         "stability",
         {k: v["rate"] for k, v in result.items()},
-        {"rates": result, "rows": sorted(rows, key=lambda r: str(r["case"]))},
+        {"rates": result, "rows": sorted(rows, key=lambda r: (r["of"], r["case"]))},
         seed=a.seed,
+        data={f"{r['of']}/{r['case']}": r["data"] for r in rows},
         folder=results_folder(a.smoke),
     )

@@ -260,3 +260,10 @@ def test_made_faults_of_other_code_are_carried_on_and_say_when(tmp_path, monkeyp
         kept = rows.kept(file, ["pl-wiechert"], here)
         assert kept["faults"] == {"found": 1} | older
         assert len(kept["rows"]) == (not older)  # what has a row is diagnosed anew
+
+
+def test_made_faults_of_other_code_are_no_headline():
+    found = {"found": {"of": 3, "rate": 1.0}, "with_a_false_name": {"rate": 0.0}}
+    assert reporting.headline([], {}, found, "hooke")["faults"] == 3
+    older = found | {"older": "2026-11-20"}
+    assert "faults" not in reporting.headline([], {}, older, "hooke")

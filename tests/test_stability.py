@@ -55,7 +55,10 @@ def named(before, after, half=None, true=("slack",)):
     names["a NaN"] = after
     if half is not None:
         names[stability.HALF] = half
-    return {"case": "c", "true": None if true is None else list(true), "named": names}
+    verdict = {k: "undetermined" if v == ["inertia"] else "x" for k, v in names.items()}
+    verdict["a NaN"] = verdict["as it is"]
+    true = None if true is None else list(true)
+    return {"case": "c", "true": true, "named": names, "verdict": verdict}
 
 
 def test_names_that_change_are_counted():
@@ -73,5 +76,7 @@ def test_names_that_change_are_counted():
         every - 2,
         every,
     )
+    # One of the two is said to be uncertain before and after.
+    assert told["the same, or uncertain"]["right"] == every - 1
     assert (told["fewer true names"]["right"], told["fewer true names"]["of"]) == (1, 3)
     assert (told["more false names"]["right"], told["more false names"]["of"]) == (1, 3)

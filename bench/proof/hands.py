@@ -78,8 +78,9 @@ def stability(page: Page, found: Result) -> None:
     page.say(
         f"Names of {forged} cases with a truth and of {len(rows) - forged} groups of "
         "real recordings, and of the same hardly changed: the share in which they "
-        f"stay (bar {100 * SAME:.0f} %). With half the noise: the shares in which a "
-        f"true name goes (bar: none) or a false one comes (bar {100 * FALSE:.0f} %).",
+        f"stay, or the verdict is undetermined both times (bar {100 * SAME:.0f} %). "
+        "With half the noise: the shares in which a true name goes (bar: none) or a "
+        f"false one comes (bar {100 * FALSE:.0f} %).",
         markdown(
             ["change", "of", "cases"],
             [[k, str(v["of"]), share(v)] for k, v in found["rates"].items()],

@@ -55,8 +55,7 @@ def report(
         main = MAIN if any(r.base == MAIN for r in untouched) else main
     note = "\n\n".join(tables(untouched, material, faults, main))
     print(note)
-    now = None if faults and faults.get("older") else faults
-    head = headline(untouched, material, now, main)
+    head = headline(untouched, material, faults, main)
     body = {
         "left_out": left_out,
         "literature": [
@@ -88,7 +87,7 @@ def headline(
     faults: Mapping[str, Any] | None,
     main: str,
 ) -> dict[str, float | int | None]:
-    """Flat figures: agreement, bars, medians; shares of faults."""
+    """Flat figures: agreement, bars, medians; shares of faults, if found just now."""
     out: dict[str, float | int | None] = {}
     mine = [r for r in rows if r.base == main and not r.error]
     whole = [agreement(r, material[r.set, r.group]) for r in mine if r.kind == "all"]
@@ -105,7 +104,7 @@ def headline(
             out[f"{name}_nrmse_{key}_median"] = (
                 float(np.median(values)) if values else None
             )
-    if faults is not None:
+    if faults is not None and not faults.get("older"):
         out["faults"] = faults["found"]["of"]
         out["faults_found"] = faults["found"]["rate"]
         out["faults_with_a_false_name"] = faults["with_a_false_name"]["rate"]
