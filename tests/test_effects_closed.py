@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from effects_made import planted
+from scipy.signal import lsim
 
 from softnn.contracts import Chunk
 from softnn.effects import effect
@@ -70,10 +71,23 @@ def test_sensor_lag_follows_a_ramp_late_by_its_time_constant():
     time = np.linspace(0, 10, 501)
     chunk = Chunk(time, 0.02 * time)
     one = Units("hooke", (0.0, 1.0))
-    values = {"time_constant_s": 0.4, "second": 0.0}
+    values = {"time_constant_s": 0.4, "quality_squared": 0.0}
     out = simulate(one, [1.0], [Term(law, values)], [chunk])[0]
     expected = 0.02 * (time - 0.4 * (1 - np.exp(-time / 0.4)))
     np.testing.assert_allclose(out, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("quality", [0.0, 0.1, 0.25, 1 / 3, 0.5, 1.0])
+def test_sensor_lag_is_the_filter_of_its_transfer_function(quality):
+    law, time = effect("sensor_lag"), np.linspace(0, 5, 401)
+    corners = np.random.default_rng(0).uniform(0, 0.1, 9)
+    chunk = Chunk(time, np.interp(time, np.linspace(0, 5, 9), corners))
+    values = {"time_constant_s": 0.3, "quality_squared": quality}
+    one = Units("hooke", (0.0, 1.0))
+    out = simulate(one, [1.0], [Term(law, values)], [chunk])[0]
+    poles = [0.3**2 * quality, 0.3, 1.0] if quality else [0.3, 1.0]
+    late = lsim(([1.0], poles), chunk.strain - chunk.strain[0], time)[1]
+    np.testing.assert_allclose(out, chunk.strain[0] + late, atol=1e-12)
 
 
 def test_inertia_of_a_sine_is_minus_omega_squared():

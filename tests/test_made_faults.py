@@ -44,7 +44,7 @@ def test_made_slip_is_a_slip():
 
 def test_made_lag_is_a_lag():
     made = faults.lag(triangle(step=0.005), 1.0, 1.0)
-    told = second_route("sensor_lag", made, time_constant_s=0.25, second=0.0)
+    told = second_route("sensor_lag", made, time_constant_s=0.25, quality_squared=0.0)
     np.testing.assert_allclose(made.stress_MPa, told, atol=1e-4)
 
 

@@ -155,7 +155,7 @@ def test_first_loading_alone_does_not_tell_what_is_missing(tmp_path):
 
 @pytest.mark.slow
 def test_two_effects_are_both_named(tmp_path):
-    lag = Term(effect("sensor_lag"), {"time_constant_s": 0.3, "second": 0.0})
+    lag = Term(effect("sensor_lag"), {"time_constant_s": 0.3, "quality_squared": 0.0})
     found = diagnose(read_case(write_case(tmp_path / "pair", [mullins(), lag])))
     assert sorted(found.result["selected"]) == ["mullins_softening", "sensor_lag"]
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+ONE_POLE = 1e-6  # of the square of a quality factor, below which there is one pole
+
 
 @numba.njit(cache=True)
 def first_order(step, signal, time_constant, before, carried, out):
@@ -27,6 +29,50 @@ def first_order(step, signal, time_constant, before, carried, out):
             x0 = x1
             out[i, s] = y
         before[s], carried[s] = x0, y
+
+
+@numba.njit(cache=True)
+def second_order(step, signal, delay, quality, before, carried, pace, out):
+    """Output of a filter of two poles for a signal that is straight between samples.
+
+    `delay` is its mean one, the sum of both time constants; `quality` Q^2 their product
+    over its square. `carried` is the output, `pace` its rate.
+    """
+    n, sets = signal.shape
+    for s in range(sets):
+        mean = delay[s if delay.size > 1 else 0]
+        square = quality[s if quality.size > 1 else 0] * mean * mean
+        x0, y, v = before[s], carried[s], pace[s]
+        one = square < ONE_POLE * mean * mean
+        if mean > 0.0 and not one:
+            half = 0.5 * mean / square
+            apart = half * half - 1.0 / square
+            root = np.sqrt(abs(apart))
+        for i in range(n):
+            x1, h = signal[i, s], step[i]
+            if mean <= 0.0:
+                y = x1
+            elif h > 0.0 and one:
+                lost = -np.expm1(-h / mean)
+                y = x1 + (1.0 - lost) * (y - x0) - (x1 - x0) * lost * mean / h
+            elif h > 0.0:
+                if apart > 0.0:
+                    fast = half + root
+                    slow = 1.0 / (square * fast)
+                    late, soon = np.exp(-slow * h), np.exp(-fast * h)
+                    even = 0.5 * (late + soon)
+                    odd = -late * np.expm1(-2.0 * root * h) / (2.0 * root)
+                else:
+                    lost = np.exp(-half * h)
+                    even = lost * np.cos(root * h)
+                    odd = lost * (np.sin(root * h) / root if root > 0.0 else h)
+                slope = (x1 - x0) / h
+                e, w = y - x0 + mean * slope, v - slope
+                y = x1 - mean * slope + even * e + odd * (half * e + w)
+                v = slope + even * w - odd * (e / square + half * w)
+            x0 = x1
+            out[i, s] = y
+        before[s], carried[s], pace[s] = x0, y, v
 
 
 @numba.njit(cache=True)

@@ -13,14 +13,15 @@ LONGEST_S = 20.0
 
 
 class SensorLag(Effect):
-    r"""First-order lag of the stress channel (an amplifier's filter).
+    r"""Lag of the stress channel, of first or second order (an amplifier's filter).
 
-    .. math:: \tau_1 \dot\sigma_1 + \sigma_1 = \sigma, \qquad
-              \tau_2 \dot\sigma_{out} + \sigma_{out} = \sigma_1
+    .. math:: Q^2 \tau^2 \ddot\sigma_{out} + \tau \dot\sigma_{out} + \sigma_{out}
+              = \sigma
 
-    time_constant tau_1 in s; second tau_2 as a share of tau_1 makes it a filter of
-    second order. Exact for stress that is straight between samples; the channel has
-    settled when a recording begins. Doebelin, *Measurement Systems*, ch. 3.
+    time_constant tau in s is the mean delay; the square of the quality factor Q is 0
+    for one pole, 1/4 for two alike, 1/3 in Bessel's filter, 1/2 in Butterworth's. Exact
+    for stress that is straight between samples; the channel has settled when a
+    recording begins. Doebelin, *Measurement Systems*, ch. 3.
 
     In a recording: the loop is run through the wrong way round or too wide, the more so
     the faster; reversals of stress come late. Mistaken for slack (the same at every
@@ -31,12 +32,12 @@ class SensorLag(Effect):
     ports = ("stress",)
     pointwise = False
     parameters: tuple[Parameter, ...] = (
-        Parameter("time_constant_s", "s", 0.0, LONGEST_S, 0.2, meaning="tau_1"),
-        Parameter("second", "-", 0.0, 1.0, 0.0, meaning="tau_2 over tau_1"),
+        Parameter("time_constant_s", "s", 0.0, LONGEST_S, 0.2, meaning="mean delay"),
+        Parameter("quality_squared", "-", 0.0, 1.0, 0.0, meaning="0 one pole, 1/4 two"),
     )
     off = {"time_constant_s": 0.0}
     amplitude = "time_constant_s"
-    shape: tuple[str, ...] = ("second",)
+    shape: tuple[str, ...] = ("quality_squared",)
     where = "after every change of rate, growing with rate"
     twins = {
         "relaxation_branch": "a sine at two frequencies",
@@ -49,21 +50,18 @@ class SensorLag(Effect):
         return (Delay(), DelayedLag())
 
     def after(self, p, signal, state):
-        from softnn.effects._kernels import first_order
+        from softnn.effects._kernels import second_order
 
-        tau, x = p["time_constant_s"], signal.stress
-        later = tau * p["second"]
-        sets = max(x.shape[1], later.size)
+        tau, quality, x = p["time_constant_s"], p["quality_squared"], signal.stress
+        sets = max(x.shape[1], tau.size, quality.size)
         x = np.ascontiguousarray(np.broadcast_to(x, (len(x), sets)))
         if state is None:
-            rest = np.broadcast_to(x[0], (4, sets))
-            state = (signal.time_s[0], rest)
+            state = signal.time_s[0], np.stack([x[0], x[0], 0.0 * x[0]])
         last, rest = state
-        rest = np.broadcast_to(rest, (4, sets)).copy()
+        rest = np.broadcast_to(rest, (3, sets)).copy()
         step = np.diff(signal.time_s, prepend=last)
-        first, out = np.empty_like(x), np.empty_like(x)
-        first_order(step, x, tau, rest[0], rest[1], first)
-        first_order(step, first, later, rest[2], rest[3], out)
+        out = np.empty_like(x)
+        second_order(step, x, tau, quality, *rest, out)
         return replace(signal, stress=out), (signal.time_s[-1], rest)
 
     def starts(self, scales):
@@ -111,31 +109,28 @@ class DelayedLag(Delay):
     r"""A delay, then a lag of second order: filters of many poles and running means.
 
     .. math:: \sigma_1(t) = \sigma(t - T), \quad
-              \tau_1 \dot\sigma_2 + \sigma_2 = \sigma_1, \quad
-              \tau_2 \dot\sigma_{out} + \sigma_{out} = \sigma_2
+              Q^2 \tau^2 \ddot\sigma_{out} + \tau \dot\sigma_{out} + \sigma_{out}
+              = \sigma_1
 
-    time_constant T in s, poles tau_1 and tau_2 as shares of it.
+    time_constant T in s; pole is tau as a share of it.
     """
 
     parameters = Delay.parameters + (
-        Parameter("pole", "-", 0.0, 5.0, 1.0, meaning="tau_1 over T"),
-        Parameter("second", "-", 0.0, 5.0, 0.0, meaning="tau_2 over T"),
+        Parameter("pole", "-", 0.0, 10.0, 1.0, meaning="tau over T"),
+        SensorLag.parameters[1],
     )
-    shape = ("second",)
+    shape = SensorLag.shape
 
     def after(self, p, signal, state):
         waiting, settled = (None, None) if state is None else state
         signal, waiting = super().after(p, signal, waiting)
-        tau = p["time_constant_s"]
-        lag = {
-            "time_constant_s": tau * p["pole"],
-            "second": p["second"] / np.maximum(p["pole"], 1e-9),
-        }
+        lag = p | {"time_constant_s": p["time_constant_s"] * p["pole"]}
         signal, settled = SensorLag.after(self, lag, signal, settled)
         return signal, (waiting, settled)
 
     def starts(self, scales):
-        return [s | {"pole": 1.0, "second": 0.0} for s in super().starts(scales)]
+        more = {"pole": 1.0, "quality_squared": 0.0}
+        return [start | more for start in super().starts(scales)]
 
 
 def _at(when, time, x):

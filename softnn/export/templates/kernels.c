@@ -50,6 +50,35 @@ static double first_order(double dt, double x, double tau, double *before, doubl
     *before = x;
     return *y;
 }
+/*@ second_order */
+/* A filter of two poles: mean delay, and the square of its quality factor. */
+static double second_order(double dt, double x, double mean, double quality,
+                           double *before, double *y, double *pace)
+{
+    if (mean <= 0.0 || quality < 1e-6) {
+        return first_order(dt, x, mean, before, y);
+    }
+    if (dt > 0.0) {
+        const double square = quality * mean * mean, half = 0.5 * mean / square;
+        const double apart = half * half - 1.0 / square, root = sqrt(fabs(apart));
+        const double slope = (x - *before) / dt;
+        const double e = *y - *before + mean * slope, w = *pace - slope;
+        double even, odd;
+        if (apart > 0.0) {
+            const double fast = half + root, late = exp(-dt / (square * fast));
+            even = 0.5 * (late + exp(-fast * dt));
+            odd = -late * expm1(-2.0 * root * dt) / (2.0 * root);
+        } else {
+            const double lost = exp(-half * dt);
+            even = lost * cos(root * dt);
+            odd = lost * (root > 0.0 ? sin(root * dt) / root : dt);
+        }
+        *y = x - mean * slope + even * e + odd * (half * e + w);
+        *pace = slope + even * w - odd * (e / square + half * w);
+    }
+    *before = x;
+    return *y;
+}
 /*@ reversals */
 /* Half cycles so far, each by a power of its range. s: extreme since the last reversal,
    direction, those of closed cycles, of an open one, largest strain, strain at the last
