@@ -61,7 +61,7 @@ class SensorLag(Effect):
         rest = np.broadcast_to(rest, (3, sets)).copy()
         step = np.diff(signal.time_s, prepend=last)
         out = np.empty_like(x)
-        second_order(step, x, tau, quality, *rest, out)
+        second_order(step, x, tau, quality, rest[0], rest[1], rest[2], out)
         return replace(signal, stress=out), (signal.time_s[-1], rest)
 
     def starts(self, scales):

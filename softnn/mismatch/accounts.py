@@ -118,30 +118,10 @@ def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)
-    found += _without(weigher, found)
     noise, accounts = _settled(base, weigher, found)
     accounts += _asked_again(weigher, accounts, pool)
     base.fit = accounts[0].fit
     return Search(base, noise, accounts)
-
-
-def _without(weigher: Weigher, found: Sequence[Account]) -> list[Account]:
-    """The accounts with one effect less, where that set has not been tried.
-
-    What leads beside another may not lead alone, and what came first may be needless.
-    """
-    known = {a.effects for a in found}
-    out: list[Account] = []
-    queue = sorted(_worth(found), key=value, reverse=True)
-    for account in queue:  # grows by what is found
-        for law, fewer in _each_less(account):
-            if account.effects - {law.id} in known:
-                continue
-            known.add(account.effects - {law.id})
-            less = fit(weigher.engine, fewer, fixed_base=account.fit.fixed_base)
-            out += _weighed(weigher, [less])
-            queue.append(out[-1])
-    return out
 
 
 def _asked_again(

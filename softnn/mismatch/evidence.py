@@ -42,7 +42,8 @@ EXACT = 0.88  # prior probability that laws are as they stand, and all there is
 ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is; of own wander
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
 FADING = 4  # paces at which what was not written down is forgotten
-ROUNDING, ROUNDED = 1e-10, 1e-12
+# Of columns that are nearly one products are known to rounding alone: the least works.
+ROUNDING, ROUNDED = (1e-10, 1e-9, 1e-8), 1e-12
 SEED = 1
 
 
@@ -204,10 +205,14 @@ def gained(gram: Array, right: Array, scale: Array) -> float:
         return 0.0
     s = scale[live]
     inner = gram[np.ix_(live, live)] * np.outer(s, s)
-    # Products of columns that are nearly one are known to rounding alone.
-    inner[np.diag_indices_from(inner)] += 1 + ROUNDING * np.diag(inner).max()
-    low, failed = dpotrf(inner, lower=1, overwrite_a=1)
-    if failed:
+    most = np.diag(inner).max()
+    inner[np.diag_indices_from(inner)] += 1
+    for rounding in ROUNDING:
+        inner[np.diag_indices_from(inner)] += rounding * most
+        low, failed = dpotrf(inner, lower=1)
+        if not failed:
+            break
+    else:
         raise np.linalg.LinAlgError("columns of a discrepancy are no numbers")
     z, _ = dtrtrs(low, right[live] * s, lower=1)
     return float(0.5 * (z @ z) - np.log(np.diag(low)).sum())
