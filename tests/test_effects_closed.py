@@ -90,6 +90,16 @@ def test_sensor_lag_is_the_filter_of_its_transfer_function(quality):
     np.testing.assert_allclose(out, chunk.strain[0] + late, atol=1e-12)
 
 
+def test_recordings_warm_up_by_as_much_as_each_does():
+    law, time = effect("load_cell_drift", "OwnWarmUp"), np.linspace(0, 60, 301)
+    chunks = [Chunk(time, 0.0 * time) for _ in range(2)]
+    values = {"drift_MPa_per_s": np.array([1e-4, -3e-4]), "warm_up_s": 20.0}
+    out = simulate(Units("hooke", (0.0, 1.0)), [1.0], [Term(law, values)], chunks)
+    for stress, rate in zip(out, (1e-4, -3e-4), strict=True):
+        expected = rate * 20 * (1 - np.exp(-time / 20))
+        np.testing.assert_allclose(stress, expected, atol=1e-15)
+
+
 def test_inertia_of_a_sine_is_minus_omega_squared():
     law = effect("inertia")
     time = np.linspace(0, 2, 2001)

@@ -47,7 +47,7 @@ class LoadCellDrift(Effect):
 
     @property
     def second_forms(self):
-        return (OwnDrift(), WarmUp())
+        return (OwnDrift(), WarmUp(), OwnWarmUp())
 
     def after(self, p, signal, state):
         t = (signal.time_s - signal.begun_s)[:, None]
@@ -101,7 +101,11 @@ class WarmUp(LoadCellDrift):
     def starts(self, scales):
         longest = float(np.max(scales.duration_s))
         tau = float(np.clip(0.5 * longest, 1e-2, 1e7))
-        return [super().starts(scales)[0] | {"warm_up_s": tau}]
+        return [start | {"warm_up_s": tau} for start in super().starts(scales)]
+
+
+class OwnWarmUp(WarmUp, OwnDrift):
+    r"""Drift of its own in each recording, that dies away in the same time."""
 
 
 def _creeping(chunk: Chunk, stress: Array) -> tuple[float, float]:
