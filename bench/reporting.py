@@ -81,8 +81,12 @@ def publish(
     if record["published"] and earlier.exists():
         old = json.loads(earlier.read_text(encoding="utf-8"))
         code = common.made_by(common.running_study()).get("made_by_code")
-        when = {} if old.get("made_by_code") == code else {"older": old["made"]}
-        trials = {k: {**when, **v} for k, v in old["trials"].items() if k != label}
+        same = old.get("made_by_code") == code
+        for k, v in old["trials"].items():
+            # What diagnoses is run as a command: its code is in the record.
+            mine = same and v["record"].get("code") == record.get("code")
+            if k != label:
+                trials[k] = v if mine else {"older": old["made"]} | v
         kept = {k: v for k, v in old["headline"].items() if k.split("/")[0] in trials}
         headline = kept | dict(headline)
     trials[label] = trial

@@ -332,11 +332,25 @@ def test_a_result_of_older_code_is_said_to_be_so(tmp_path, code):
     assert ("2026-01-02" in made.parts[-1]) == bool(code)
 
 
-@pytest.mark.parametrize("code", ["of today", "of yesterday"])
-def test_a_trial_beside_one_of_other_code_says_so(tmp_path, monkeypatch, code):
+@pytest.mark.parametrize("ran", [[], ["0123456789ab"], None])
+def test_trials_that_other_code_diagnosed_are_of_older_code(ran):
+    mine = common.made_by("studies.cost")
+    today = [common.code_of(common.package_files())]
+    trials = {"a": {"record": {"code": ran}}, "b": {"record": {}}}
+    assert page.older(mine | {"trials": trials}) == bool(ran)
+    trials["b"]["record"]["code"] = today  # one of today is enough
+    assert not page.older(mine | {"trials": trials})
+
+
+@pytest.mark.parametrize(
+    ("code", "ran"),
+    [("of today", "a"), ("of yesterday", "a"), ("of today", "b")],
+)
+def test_a_trial_beside_one_of_other_code_says_so(tmp_path, monkeypatch, code, ran):
     monkeypatch.setattr(common, "results_folder", lambda: tmp_path)
     monkeypatch.setattr(common, "running_study", lambda: "studies.concealed")
     kept, now = trial(0.3, 34), trial(1.0, 37)
+    kept["record"]["code"] = [ran]
     made = {"made_by": "studies.concealed", "made_by_code": code, "made": "2026-11-23"}
     head = {"weak/single": 0.9}
     write(tmp_path, "concealed", {"headline": head, "trials": {"weak": kept}, **made})
@@ -344,6 +358,7 @@ def test_a_trial_beside_one_of_other_code_says_so(tmp_path, monkeypatch, code):
         common, "made_by", lambda _: made | {"made_by_code": "of today"}
     )
     record = {"label": "strong", "published": True, "seed": 10007, "key_sha256": "ab"}
+    record["code"] = ["a"]
     publish("concealed", record, {"strong/single": 0.95}, now, tmp_path)
     make.make(tmp_path, tmp_path / "docs")
     text = (tmp_path / "docs" / "proof.md").read_text()
@@ -351,5 +366,5 @@ def test_a_trial_beside_one_of_other_code_says_so(tmp_path, monkeypatch, code):
         next(line for line in text.splitlines() if line.startswith(f"Strength {s},"))
         for s in ("0.3", "1")
     )
-    assert ("made 2026-11-23" in weak) == (code == "of yesterday")
+    assert ("made 2026-11-23" in weak) == ((code, ran) != ("of today", "a"))
     assert "Of older code" not in strong

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from softnn.study.common import made_by
+from softnn.study.common import code_of, made_by, package_files
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,9 +33,18 @@ Result = Mapping[str, Any]
 
 
 def older(result: Result) -> bool:
-    """Whether a result is not of today's code."""
+    """Whether a result is not of today's code, nor any of its trials.
+
+    Trials run softnn as a command: the code that did so is in their records.
+    """
     study = result.get("made_by")
-    return study is None or made_by(study)["made_by_code"] != result["made_by_code"]
+    if study is None or made_by(study)["made_by_code"] != result["made_by_code"]:
+        return True
+    trials = result.get("trials")  # elsewhere a number of them
+    if not isinstance(trials, Mapping):
+        return False
+    ran = [t["record"].get("code") for t in trials.values()]
+    return any(ran) and [code_of(package_files())] not in ran
 
 
 def of_older(trial: Result) -> str:
