@@ -24,7 +24,7 @@ from tqdm import tqdm
 from bench.recordings.groups import discover
 from bench.reporting import share
 from bench.scoring import Rate
-from softnn.contracts import Array, InputError
+from softnn.contracts import InputError
 from softnn.database import Store
 from softnn.mismatch import Case, diagnose, read_case
 from softnn.mismatch.case import LARGEST_STRESS_MPa
@@ -57,20 +57,8 @@ def each(do: Callable[[Recording, int], Recording]) -> Change:
     return changed
 
 
-def at(recording: Recording, rows: Array) -> Recording:
-    """The recording with these rows."""
-    warm = recording.temperature_C
-    return replace(
-        recording,
-        time_s=recording.time_s[rows],
-        strain=recording.strain[rows],
-        stress_MPa=recording.stress_MPa[rows],
-        temperature_C=None if warm is None else warm[rows],
-    )
-
-
 def without(recording: Recording, row: int) -> Recording:
-    return at(recording, np.delete(np.arange(len(recording.time_s)), row))
+    return recording.take(np.delete(np.arange(len(recording.time_s)), row))
 
 
 def unknown(recording: Recording, row: int) -> Recording:
@@ -80,7 +68,7 @@ def unknown(recording: Recording, row: int) -> Recording:
 
 
 def twice(recording: Recording, row: int) -> Recording:
-    return at(recording, np.insert(np.arange(len(recording.time_s)), row, row))
+    return recording.take(np.insert(np.arange(len(recording.time_s)), row, row))
 
 
 def by(factor: float) -> Change:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -28,6 +30,15 @@ def test_a_row_is_changed_in_each_recording(case, name, longer, unknown):
         assert gaps == unknown
         assert {len(new.strain), len(new.stress_MPa)} == {len(new.time_s)}
         assert np.isin(new.time_s, old.time_s).all()
+
+
+def test_rows_take_every_channel_with_them(case):
+    force = [2 * r.stress_MPa for r in case.recordings]
+    pairs = zip(case.recordings, force, strict=True)
+    case = replace(case, recordings=tuple(replace(r, force_N=f) for r, f in pairs))
+    for name in ("a row less", "a row twice"):
+        for r in stability.CHANGES[name](case, np.random.default_rng(0)).recordings:
+            np.testing.assert_array_equal(r.force_N, 2 * r.stress_MPa)
 
 
 @pytest.mark.parametrize(("name", "up"), [("stress x 10", 10), ("stress x 1000", 1000)])
