@@ -165,6 +165,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     p.add_argument("--cases", type=int, default=20, help="of each folder (20)")
     p.add_argument("--jobs", type=int, default=2)
     p.add_argument("--fresh", action="store_true", help="forget what is finished")
+    p.add_argument("--finished", action="store_true", help="no more than is finished")
     return guarded(lambda: run(p.parse_args(argv)))
 
 
@@ -194,11 +195,13 @@ def run(a: Any) -> None:
         futures = {
             pool.submit(trial, *task): name
             for name, task in tasks.items()
-            if name not in known
+            if name not in known and not a.finished
         }
         for future in tqdm(as_completed(futures), total=len(futures), unit="case"):
             store.add(futures[future], future.result())
         rows = [row for name, row in store.rows().items() if name in tasks]
+    if not rows:
+        raise InputError("none of these cases is finished; leave --finished away")
     result = told(rows)
     print(markdown(["change", "cases"], [[k, share(v)] for k, v in result.items()]))
     write_result(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from made import write_case
 
 from bench import stability
+from softnn.database import Store
 from softnn.mismatch import read_case
 
 
@@ -91,3 +93,22 @@ def test_names_that_change_are_counted():
     assert told["the same, or uncertain"]["right"] == every - 1
     assert (told["fewer true names"]["right"], told["fewer true names"]["of"]) == (1, 3)
     assert (told["more false names"]["right"], told["more false names"]["of"]) == (1, 3)
+
+
+def test_what_is_finished_is_told_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(stability, "runs_folder", lambda _: tmp_path)
+    monkeypatch.setattr(stability, "results_folder", lambda _: tmp_path / "results")
+    for name in ("a", "b"):
+        write_case(tmp_path / "mine" / "cases" / name)
+        truth = tmp_path / "mine" / "truth" / name / "truth.json"
+        truth.parent.mkdir(parents=True)
+        truth.write_text('{"effects": []}')
+    asked = [str(tmp_path / "mine"), "--finished"]
+    assert stability.main(asked) == 2  # nothing is
+    row = named(["slack"], ["slack"]) | {"of": "mine", "data": "ab"}
+    code = stability.code_of(stability.package_files())
+    with Store(tmp_path / "stability.sqlite", code) as store:
+        store.add(str((tmp_path / "mine" / "cases" / "b").resolve()), row)
+    assert stability.main(asked) == 0
+    written = json.loads((tmp_path / "results" / "stability.json").read_text())
+    assert written["rows"] == [row]
