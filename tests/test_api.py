@@ -12,6 +12,7 @@ from made import STIFFNESS, UNITS, histories, mullins, write_case
 import softnn
 from softnn.contracts import InputError
 from softnn.fit import Guess
+from softnn.mismatch.case import Case, in_order
 from softnn.model_file import to_dict
 from softnn.recording import Recording
 from softnn.simulate import simulate
@@ -84,6 +85,26 @@ def test_files_folders_and_cases_are_read_alike(tmp_path):
         softnn.read(tmp_path / "empty")
     with pytest.raises(InputError, match="no such"):
         softnn.read(tmp_path / "none.csv")
+
+
+def test_the_order_of_fresh_recordings_says_nothing():
+    there, back = (softnn.diagnose(x, "hooke") for x in (springs(), springs()[::-1]))
+    assert [r.name for r in back.case.recordings] == ["r0", "r1"]
+    for key in ("noise", "fit", "mismatch"):
+        assert there.result[key] == back.result[key]
+
+
+@pytest.mark.parametrize(
+    ("history", "names"), [("fresh", ["r0", "r1"]), ("continued", ["r1", "r0"])]
+)
+def test_recordings_that_go_on_keep_their_order(history, names):
+    turned = springs()[::-1]
+    simulated = tuple(r.strain for r in turned)
+    case = Case("c", tuple(turned), history=history, simulated_MPa=simulated)
+    found = in_order(case)
+    assert [r.name for r in found.recordings] == names
+    for one, stress in zip(found.recordings, found.simulated_MPa, strict=True):
+        assert stress is one.strain  # goes with its recording
 
 
 def test_a_list_a_folder_and_a_case_have_one_diagnosis(tmp_path):
