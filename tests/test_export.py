@@ -51,6 +51,29 @@ def test_every_effect_that_can_be_stepped_says_what_python_says(law, tmp_path):
     assert np.max(np.abs(want - plain)) > 1e-4 * np.max(np.abs(plain)), "it acts"
 
 
+def shapes(law):
+    return [p for p in law.parameters if p.name in law.shape and p.scale == "linear"]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4])
+@pytest.mark.parametrize(
+    "law",
+    [f for f in FORMS_OF_EFFECTS if shapes(f) and "causal" not in f.exempt],
+    ids=lambda law: law.form,
+)
+def test_shapes_of_an_effect_are_in_its_c(law, share, tmp_path):
+    # Effects start from plain shapes: here each is some way to the farther end.
+    one, own = piece(law, -1), {}
+    for p in shapes(law):
+        begun = one.values[p.name]
+        far = max(p.low, p.high, key=lambda end: abs(end - begun))
+        own[p.name] = (1 - share) * begun + share * far
+    model, chunk = with_effects(replace(one, values=one.values | own)), history(5000)
+    options = Options("r", interval_s=5e-4)
+    got, _ = Compiled(tmp_path, model, options=options).run(chunk)
+    assert_same(got, model.stress(["r"], [chunk], [None])[0])
+
+
 def test_clocks_add_up_and_leave_a_branch_that_was_added_alone(tmp_path):
     forms = (
         ("strain_dependent_relaxation", "StrainClock"),
