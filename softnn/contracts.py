@@ -218,6 +218,7 @@ class Scales:
     duration_s: Array
     cycles: float = 1.0  # typical number of reversals / 2 in a recording
     temperature_C: float = 0.0  # range of temperature; 0 without the channel
+    side: int = 0  # 1 where all is tension, -1 compression, 0 where strain is of both
 
 
 class Effect(ABC):

@@ -16,10 +16,11 @@ from softnn.mismatch.accounts import (
     _as_mistakes,
     _as_specimens,
     _worth,
+    believed,
     search,
     value,
 )
-from softnn.mismatch.base import Baseline, baseline, scatter, weigh
+from softnn.mismatch.base import Baseline, baseline, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import LATER, candidates, expand, names, refine
 from softnn.mismatch.evidence import Weigher
 from softnn.mismatch.posterior import posterior
@@ -276,3 +277,28 @@ def test_what_recordings_show_is_a_start_beside_other_effects(monkeypatch, times
     assert piece.groups == ((1,),)
     assert piece.values["slip"][1] == pytest.approx(0.05 * times, rel=0.15)
     assert piece.values["moment_s"][1] == pytest.approx(7.1, abs=0.2)
+
+
+def test_what_a_base_misses_is_no_noise(softened):
+    engine = softened.base.engine
+    best = max(softened.accounts, key=value)
+    bare = next(a for a in softened.accounts if not a.effects)
+    missed = np.sqrt(np.mean((engine.target - bare.fit.stress) ** 2)) / engine.level
+    assert missed > 0.02
+    before = softened.noise
+    try:
+        assert not believed(engine, weigh(engine, bare.fit, long=True))
+        assert believed(engine, weigh(engine, best.fit, long=True))
+    finally:
+        weigh_by(engine, before)
+
+
+def test_a_mistake_that_several_recordings_share_is_one_number():
+    factors = np.array([0.0, 0.3, 0.0, 0.3, 0.0])
+    base = baseline(
+        made([Term(effect("gain_error"), {"error": factors})]), "pl-wiechert"
+    )
+    (found,) = expand(base.engine, base.fit, [effect("gain_error")], 1)
+    (piece,) = found.guess.pieces
+    assert piece.groups == ((1, 3),)
+    np.testing.assert_allclose(piece.values["error"], factors, atol=0.01)

@@ -295,18 +295,7 @@ def test_scale_between_specimens_is_no_news(tmp_path):
     assert found["verdict"] == "nothing_missing"
 
 
-@pytest.mark.parametrize(
-    "factor",
-    [
-        pytest.param(
-            1.15,
-            marks=pytest.mark.xfail(
-                reason="one scale of two recordings pays for two mistakes", strict=True
-            ),
-        ),
-        1.3,
-    ],
-)
+@pytest.mark.parametrize("factor", [1.15, 1.3])
 def test_scale_between_recordings_of_specimens_nobody_named_is(tmp_path, factor):
     assert two_specimens(tmp_path / "two", factor)["selected"] == ["gain_error"]
 

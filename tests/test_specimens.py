@@ -1,5 +1,6 @@
 """Recordings that share a specimen nobody named: priors, densities, who is whose."""
 
+from itertools import combinations
 from math import exp, factorial
 
 import numpy as np
@@ -13,7 +14,7 @@ from softnn.mismatch.base import baseline, scatter
 from softnn.mismatch.candidates import refine
 from softnn.mismatch.evidence import SCATTER
 from softnn.mismatch.posterior import posterior
-from softnn.mismatch.specimens import UNSAID, cost, marginal, shared, sizes
+from softnn.mismatch.specimens import UNSAID, cost, marginal, picked, shared, sizes
 from softnn.simulate import simulate
 
 
@@ -34,6 +35,15 @@ def test_who_shares_a_specimen_is_a_distribution(count):
     total = sum(exp(UNSAID - cost([len(g) for g in p])) for p in several)
     assert total == pytest.approx(1 - 1 / factorial(count))  # without one each
     assert cost([1] * count) == UNSAID
+
+
+@pytest.mark.parametrize("count", [2, 3, 7])
+def test_which_recordings_are_wrong_is_a_distribution(count):
+    some = [s for n in range(1, count) for s in combinations(range(count), n)]
+    assert sum(exp(-picked(count, len(s))) for s in some) == pytest.approx(1)
+    number = {len(s): exp(-picked(count, len(s))) for s in some}
+    shares = [number[n] * sum(len(s) == n for s in some) for n in number]
+    np.testing.assert_allclose(shares, 1 / (count - 1))
 
 
 def test_recordings_in_no_group_are_of_the_first_specimen():

@@ -10,7 +10,8 @@ from softnn.contracts import Chunk
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import verify
-from softnn.mismatch.candidates import lifted, prune, release
+from softnn.mismatch.candidates import lifted, moved, prune, release
+from softnn.mismatch.screen import Screen
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
 
@@ -126,3 +127,85 @@ def test_recordings_in_which_an_effect_is_off_within_its_error_are_taken_out():
     assert kept.groups == ((1,),)
     assert kept.values["offset_MPa"][[0, 2]].tolist() == [0, 0]
     assert kept.values["offset_MPa"][1] == pytest.approx(0.05, abs=0.001)
+
+
+def test_moments_are_found_where_the_others_are_in_place():
+    """Noise of long memory makes a slip a spike: beside it nothing points there."""
+    law, slips = effect("grip_slip"), np.array([0.03, 0.04, 0.035])
+    clean = [Chunk(*programme(p)) for p in ((0.4,), (0.2, 0.4, 0.6), (0.6, 0.6, 0.3))]
+    true = {
+        "slip": slips,
+        "moment_s": np.array([0.41, 2.91, 10.01]),
+        "duration_s": 0.05,
+    }
+    base, stiffness = Units("wiechert", (0.0, 1.0), (5.0,)), np.array([1.0, 0.4])
+    stress = simulate(base, stiffness, [Term(law, true)], clean)
+    rng = np.random.default_rng(3)
+    times = [c.time_s for c in clean]
+    slow = [1e-3 * wander(rng, t, 20.0) for t in times]
+    data = Data(
+        ("a", "b", "c"),
+        tuple(clean),
+        tuple(s + n for s, n in zip(stress, slow, strict=True)),
+    )
+    engine = Engine(data, [np.full(len(t), 1e-3) for t in times], [((1.0, 20.0),)] * 3)
+    off = true | {"moment_s": true["moment_s"] + np.array([1.5, 3.0, -4.0])}
+    groups = ((0,), (1,), (2,))
+    piece = Piece(law.within(data.scales()), off, ("slip", "moment_s"), groups)
+    stuck = fit(engine, Guess(base, stiffness, (piece,)), iterations=20)
+    found = moved(engine, stuck, 0)
+    best = replace(piece, values=true)
+    truth = fit(engine, Guess(base, stiffness, (best,)), iterations=20)
+    assert stuck.chi2 > truth.chi2 + 1000
+    assert found.chi2 < truth.chi2 + 10
+    np.testing.assert_allclose(found.guess.pieces[0].values["slip"], slips, rtol=0.05)
+
+
+def wander(rng, time, memory):
+    """First-order noise (n,) of variance one and that memory, at any times."""
+    out = rng.standard_normal(len(time))
+    for i, step in enumerate(np.diff(time)):
+        keep = np.exp(-step / memory)
+        out[i + 1] = keep * out[i] + np.sqrt(1 - keep**2) * out[i + 1]
+    return out
+
+
+def test_what_is_pulled_slips_out_of_the_grip():
+    law, chunk = effect("grip_slip"), Chunk(*programme((0.2, 0.4)))
+    both = replace(chunk, strain=chunk.strain - 0.1)
+    pushed = replace(chunk, strain=-chunk.strain)
+
+    def range_of(one):
+        scales = Data(("a",), (one,), (one.strain,)).scales()
+        slip = law.within(scales).within(scales).parameters[0]
+        for start in law.within(scales).starts(scales):
+            assert slip.low <= start["slip"] <= slip.high
+            assert start["slip"]
+        return slip.low, slip.high
+
+    whole = law.parameters[0]
+    assert range_of(chunk) == (0.0, whole.high)
+    assert range_of(pushed) == (whole.low, 0.0)
+    assert range_of(both) == (whole.low, whole.high)
+
+
+def test_a_score_test_of_a_law_with_a_sign_sees_it():
+    """The same slip pulled and pushed: the same lead, of the other sign."""
+    law, leads = effect("grip_slip"), []
+    time, strain = programme((0.2, 0.4))
+    for side in (1, -1):
+        chunks = (Chunk(time, side * strain),) * 2
+        slip = {"slip": np.array([0.0, side * 0.03]), "moment_s": np.full(2, 8.0)}
+        base, stiffness = Units("wiechert", (-1.0, 0.0, 1.0), (5.0,)), np.ones(3)
+        term = Term(law, slip | {"duration_s": 0.05})
+        stress = simulate(base, stiffness, [term], list(chunks))
+        data = Data(("a", "b"), chunks, tuple(stress))
+        engine = Engine(data, [np.full(600, 1e-3)] * 2)
+        screen = Screen(engine, fit(engine, Guess(base, stiffness)))
+        leads.append(max(screen.lead(law, 8.0), key=lambda x: x.gain))
+    pulled, pushed = leads
+    assert pulled.gain > 1000
+    assert pushed.gain == pytest.approx(pulled.gain, rel=1e-6)
+    one, other = pulled.piece.values["slip"], pushed.piece.values["slip"]
+    np.testing.assert_allclose(other, -one, rtol=1e-6)
+    assert one[1] > 0

@@ -2,6 +2,7 @@ r"""The specimen slips in the grip from some moment on."""
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +23,8 @@ STILL = 0.1  # of strain at rest, that moves beside it; and of the stress it sho
 EVENLY = 0.004  # of the largest strain: as evenly as specimens are strained
 
 # How long a slip may last, in two intervals; shares of a recording between moments.
-CLOSER = ((1.0, 0.02), (5.0, 0.02), (25.0, 0.04))
-EARLY = (0.015, 0.03, 0.045, 0.06, 0.105)  # of a recording: its first loading
+CLOSER = ((1.0, 0.005), (5.0, 0.02), (25.0, 0.04))
+FIRST = 0.01  # of a recording, between moments that are asked at first
 
 
 class GripSlip(Effect):
@@ -81,8 +82,20 @@ class GripSlip(Effect):
             (signal.begun_s, earlier, own[-1:]),
         )
 
+    def within(self, scales):
+        """What is pulled slips out of the grip, and what is pushed into it."""
+        if not scales.side:
+            return self
+        law, slip = copy(self), self.parameters[0]
+        ends = sorted([0.0, scales.side * max(slip.high, -slip.low)])
+        law.parameters = (
+            replace(slip, low=ends[0], high=ends[1]),
+            *self.parameters[1:],
+        )
+        return law
+
     def starts(self, scales):
-        return self.at((0.5, *EARLY, *np.arange(0.08, 0.98, 0.05)), scales)
+        return self.at((0.5, *np.arange(FIRST, 0.98, FIRST)), scales)
 
     def closer(self, scales):
         return [
@@ -95,7 +108,7 @@ class GripSlip(Effect):
         width = float(np.clip(2 * times * scales.interval_s, 1e-3, 1e5))
         return [
             {
-                "slip": 0.06 * scales.strain,
+                "slip": 0.06 * (scales.side or 1) * scales.strain,
                 "moment_s": share * scales.duration_s,
                 "duration_s": width,
             }
@@ -152,6 +165,7 @@ class CreepingGrip(GripSlip):
     shape = ()
     some = False
     where = "little by little, at large strain the most"
+    within = Effect.within
 
     def before(self, p, signal, state):
         from softnn.effects._kernels import flow

@@ -28,7 +28,7 @@ class Inertia(Effect):
         Parameter(
             "mass",
             "MPa s2",
-            -10.0,
+            0.0,
             1e3,
             1e-3,
             meaning="mass x length / area",

@@ -65,7 +65,6 @@ class Engine:
         self.target = self.measured[self.valid]
         self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
         self.fine: Engine | None = None  # the same recordings with all their samples
-        self.body = False  # weigh all samples alike, as if the noise were white
         self._cache: dict[Any, Any] = {}
         self._inputs: dict[Any, list[Input]] = {}
         self.noises = 0  # set so far: which one is in force

@@ -12,6 +12,8 @@ from softnn.contracts import Array, Chunk, Effect, Scales
 from softnn.models.units import Units
 from softnn.simulate import Term
 
+ONE_SIDED = 0.1  # of the largest strain: less to the other side is none
+
 
 @dataclass(frozen=True)
 class Data:
@@ -30,17 +32,19 @@ class Data:
 
     def scales(self) -> Scales:
         """Sizes from which searches start; quantiles, so that spikes do not rule."""
-        strain = np.concatenate([np.abs(c.strain) for c in self.chunks])
+        strain = np.concatenate([c.strain for c in self.chunks])
+        push, pull, reach = -strain.min(), strain.max(), np.abs(strain).max()
         stress = np.abs(np.concatenate(self.stress_MPa))
         steps = np.concatenate([np.diff(c.time_s) for c in self.chunks])
         warm = [c.temperature_C for c in self.chunks if c.temperature_C is not None]
         spread = np.concatenate(warm) if warm else np.zeros(1)
         return Scales(
-            strain=float(strain.max()),
+            strain=float(reach),
             stress_MPa=float(np.nanquantile(stress, 0.998)),
             interval_s=float(np.median(steps[steps > 0])),
             duration_s=np.array([c.time_s[-1] - c.time_s[0] for c in self.chunks]),
             temperature_C=float(np.nanmax(spread) - np.nanmin(spread)),
+            side=int(push < ONE_SIDED * reach) - int(pull < ONE_SIDED * reach),
         )
 
 

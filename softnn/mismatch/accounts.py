@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softnn.contracts import Array, Effect
-from softnn.fit import Fit, Guess, Piece, fit
+from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import (
     FIRST,
@@ -24,7 +24,7 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.evidence import SCATTER, Evidence, Weigher, mistaken
+from softnn.mismatch.evidence import CLASS, SCATTER, Evidence, Weigher, mistaken
 from softnn.mismatch.specimens import shared
 from softnn.noise import Noise
 
@@ -226,6 +226,8 @@ def _settled(
     for leader in leaders:
         for long in (False, True):
             noise = weigh(engine, leader.fit, long=long)
+            if long and not believed(engine, noise):
+                continue
             few = [_again(base, weigher, a, whole=False) for a in leaders]
             tried.append((max(map(value, few)), noise))
     noise = max(tried, key=lambda t: t[0])[1]
@@ -234,6 +236,13 @@ def _settled(
     # The base alone goes first; of its two, with and without scatter, the better.
     bare = next(i for i, a in enumerate(ranked) if not a.effects)
     return noise, [accounts[bare], *accounts[:bare], *accounts[bare + 1 :]]
+
+
+def believed(engine: Engine, noise: Sequence[Noise]) -> bool:
+    """Whether a machine may have such a noise: what is larger is something missed."""
+    sigma = zip(noise, engine.data.stress_MPa, strict=True)
+    square = np.concatenate([one.sigma(s[np.isfinite(s)]) ** 2 for one, s in sigma])
+    return bool(np.sqrt(square.mean()) < CLASS * engine.level)
 
 
 def _again(

@@ -124,15 +124,9 @@ def live(residuals: Sequence[Array], level: float) -> list[Array]:
 
 
 def weigh_by(engine: Engine, noise: Sequence[Noise]) -> None:
-    """Weigh the samples by a noise; all alike where the engine says so."""
+    """Weigh the samples by a noise."""
     sigma = [n.sigma(s) for n, s in zip(noise, engine.data.stress_MPa, strict=True)]
-    if engine.body:
-        # Whitened by the noise, a misfit far above it would be all corners and no body;
-        # weighed by what it seems to be at each stress, no less.
-        level = np.sqrt(np.nanmean(np.concatenate(sigma) ** 2))
-        engine.set_noise([np.full(len(s), level) for s in sigma], None)
-    else:
-        engine.set_noise(sigma, [n.memory for n in noise])
+    engine.set_noise(sigma, [n.memory for n in noise])
 
 
 def baseline(

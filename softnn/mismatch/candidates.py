@@ -10,14 +10,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.contracts import Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.locate import held_only
-from softnn.mismatch.screen import Lead, Screen, clipped, only, start_pieces
+from softnn.mismatch.screen import (
+    Lead,
+    Screen,
+    clipped,
+    only,
+    pieces_at,
+    start_pieces,
+)
 from softnn.mismatch.verify import intervals
 
 ENTRY = 8.0  # of chi2, below which nothing, and no recording, is worth a refit
@@ -25,6 +34,7 @@ BESIDE = 0.02  # of the largest gain: an effect that promises less waits for it
 FIRST, LATER = 10, 4  # effects refitted on top of a base, and of an account
 FORMS = 4  # of an effect, that are followed where it stands alone or is asked again
 WARM = 0.5  # degC, by which the temperature must change to do anything
+FINE = 11  # moments about the best of those further apart
 OFF = 3.5  # standard errors, within which an effect of a recording is off
 
 
@@ -124,7 +134,9 @@ def shaped(engine: Engine, screen: Screen, found: Fit, closely: bool) -> Fit:
     best = min(tried, key=schwarz)
     for inside in (False, True) if closely else (False,):
         best = min(best, release(engine, best, index, inside), key=schwarz)
-    return min(best, lifted(engine, best, index), key=schwarz)
+    best = min(best, lifted(engine, best, index), key=schwarz)
+    best = min(best, merged(engine, best, index), key=schwarz)
+    return moved(engine, best, index)
 
 
 def schwarz(found: Fit) -> float:
@@ -204,8 +216,7 @@ def release(
 
     `inside`: they start a little inside their range; at its end some laws do not move.
     """
-    pieces = list(found.guess.pieces)
-    piece = pieces[index]
+    piece = found.guess.pieces[index]
     values = dict(piece.values)
     law = piece.effect
     ends = [p for p in law.parameters if p.name in law.shape and p.scale == "linear"]
@@ -214,10 +225,9 @@ def release(
     for p in ends if inside else ():
         width = 0.03 * (p.high - p.low)
         values[p.name] = float(np.clip(values[p.name], p.low + width, p.high - width))
-    names = tuple(p.name for p in piece.effect.parameters)
-    pieces[index] = replace(piece, values=values, free=names)
-    guess = replace(found.guess, pieces=tuple(pieces))
-    return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)
+    names = tuple(p.name for p in law.parameters)
+    piece = replace(piece, values=values, free=names)
+    return _refitted(engine, found, index, piece, iterations)
 
 
 def lifted(engine: Engine, found: Fit, index: int, iterations: int = 12) -> Fit:
@@ -226,13 +236,78 @@ def lifted(engine: Engine, found: Fit, index: int, iterations: int = 12) -> Fit:
     What all recordings have alike of a gap the base takes up, so that the search ends
     where the least has none; only the shape of the law can tell how large it is.
     """
-    pieces = list(found.guess.pieces)
-    law, name = pieces[index].effect, pieces[index].effect.amplitude
+    piece = found.guess.pieces[index]
+    law, name = piece.effect, piece.effect.amplitude
     if name not in law.per_recording or law.some or not law.shape:
         return found
     start = start_pieces(engine, law)[0]
-    more = np.add(start.values[name], pieces[index].values[name])
+    more = np.add(start.values[name], piece.values[name])
     free = tuple(p.name for p in law.parameters)
-    pieces[index] = replace(start, values=start.values | {name: more}, free=free)
+    start = replace(start, values=start.values | {name: more}, free=free)
+    return _refitted(engine, found, index, start, iterations)
+
+
+def merged(engine: Engine, found: Fit, index: int) -> Fit:
+    """The same with one value in all recordings that piece `index` is a mistake in."""
+    piece = found.guess.pieces[index]
+    if not piece.effect.scatter or len(piece.groups) < 2:
+        return found
+    name, every = piece.effect.amplitude, np.concatenate(piece.groups)
+    value = np.array(piece.values[name])
+    value[every] = value[every].mean()
+    groups = (tuple(int(r) for r in every),)
+    piece = replace(piece, values=piece.values | {name: value}, groups=groups)
+    return _refitted(engine, found, index, piece)
+
+
+def moved(engine: Engine, found: Fit, index: int) -> Fit:
+    """The same with the moment in each recording looked for anew, others in place.
+
+    Downhill none comes past another moment that takes up something, too.
+    """
+    law, groups = found.guess.pieces[index].effect, found.guess.pieces[index].groups
+    moments = [name for name in law.per_recording if name != law.amplitude]
+    if not moments:
+        return found
+    coarse = law.closer(engine.data.scales())[0]
+    apart = {m: np.subtract(coarse[1][m], coarse[0][m]) for m in moments}
+    for mine in map(np.array, groups):
+        now = found.guess.pieces[index]
+        rest = np.setdiff1d(np.concatenate(now.groups), mine)
+        less = _refitted(engine, found, index, only(now, rest), 4)
+        screen = Screen(engine, less)
+        lead = _best(screen, law, coarse, mine)
+        fine = [
+            coarse[0] | {m: lead[m] + share * apart[m] for m in moments}
+            for share in np.linspace(-1, 1, FINE)
+        ]
+        lead = _best(screen, law, fine, mine)
+        own = np.isin(np.arange(len(engine.chunks)), mine)
+        values = dict(less.guess.pieces[index].values)
+        for name in law.per_recording:
+            values[name] = np.where(own, lead[name], values[name])
+        again = _refitted(engine, less, index, replace(now, values=values))
+        found = min(found, again, key=schwarz)
+    return found
+
+
+def _best(
+    screen: Screen,
+    law: Effect,
+    starts: Sequence[dict[str, Any]],
+    mine: NDArray[np.integer],
+) -> dict[str, Any]:
+    """Values of the law from the best of the starts, in these recordings alone."""
+    pieces = [only(piece, mine) for piece in pieces_at(screen.engine, law, starts)]
+    leads = screen.whole(pieces)
+    return max(leads, key=lambda x: x.gain).piece.values if leads else pieces[0].values
+
+
+def _refitted(
+    engine: Engine, found: Fit, index: int, piece: Piece, iterations: int = 10
+) -> Fit:
+    """The same with another piece in that place."""
+    pieces = list(found.guess.pieces)
+    pieces[index] = piece
     guess = replace(found.guess, pieces=tuple(pieces))
     return fit(engine, guess, fixed_base=found.fixed_base, iterations=iterations)

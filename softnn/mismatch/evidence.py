@@ -22,7 +22,7 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Slot, get, span
-from softnn.mismatch.specimens import cost, sizes
+from softnn.mismatch.specimens import cost, picked, sizes
 from softnn.models.unit_kernel import maxwell
 from softnn.state import features
 
@@ -39,7 +39,8 @@ APART, WRONG = 4, 5  # their places
 FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
-ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is; of own wander
+ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is
+CLASS = 0.01  # of the largest stress: errors of a machine of class 1, ISO 7500-1
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
 FADING = 4  # paces at which what was not written down is forgotten
 # Of columns that are nearly one products are known to rounding alone: the least works.
@@ -114,13 +115,15 @@ class Weigher:
         widths = [*there.values(), SHARED, SHARED, self.own.shape[1]]
         kinds = np.repeat([*there, 1, 2, 3], widths)  # places in `GRIDS`
         norm = engine.log_norm - 0.5 * len(residual) * np.log(2 * np.pi)
-        plain = norm - 0.5 * float(residual @ residual)
+        plain = norm - chosen(found) - 0.5 * float(residual @ residual)
 
         def value(scales: Sequence[float], free: bool) -> float:
             prior = (scales[0] / FORM_PRIOR) ** 2
             prior += (scales[APART] / SCATTER_PRIOR) ** 2
-            slight = scales[3:APART] if free else scales[1:APART]
-            prior += sum((a / ELSE_PRIOR) ** 2 for a in slight)
+            if free:
+                prior += (scales[3] / CLASS) ** 2
+            else:
+                prior += sum((a / ELSE_PRIOR) ** 2 for a in scales[1:APART])
             made = gained(gram, right, np.array(scales)[kinds])
             return plain + made - 0.5 * prior - unsaid * bool(scales[APART])
 
@@ -229,6 +232,18 @@ def against(found: Fit) -> float:
     unsaid = [p for p in found.guess.pieces if p.unsaid]
     counts = [len(p.values[p.effect.amplitude]) for p in unsaid]
     return sum(cost(sizes(n, p.groups)) for n, p in zip(counts, unsaid, strict=True))
+
+
+def chosen(found: Fit) -> float:
+    """Log odds against these recordings being those that are wrong by a scale.
+
+    Their values are paid by a prior of their own.
+    """
+    wrong = [p for p in found.guess.pieces if p.effect.scatter and not p.nuisance]
+    counts = [len(p.values[p.effect.amplitude]) for p in wrong]
+    return sum(
+        picked(n, sum(map(len, p.groups))) for n, p in zip(counts, wrong, strict=True)
+    )
 
 
 def scattered(found: Fit) -> tuple[Array, Array, Array, Array]:

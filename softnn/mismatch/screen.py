@@ -94,11 +94,11 @@ class Screen:
         pieces = start_pieces(self.engine, effect)
         change = self._changes(pieces)
         if not effect.per_recording:
-            return self._whole(pieces, change)
+            return self.whole(pieces, change)
         leads = self._greedy(pieces, change, threshold)
         if in_all(effect) and len(self.engine.chunks) > 1:
             every = (tuple(range(len(self.engine.chunks))),)
-            for lead in self._whole(pieces, change):
+            for lead in self.whole(pieces, change):
                 leads.append(replace(lead, piece=replace(lead.piece, groups=every)))
         return leads
 
@@ -116,8 +116,9 @@ class Screen:
         """Whitened change of stress (valid, pieces) that each makes."""
         return self.engine.whiten(self.engine.by_each(self.base.guess, pieces))
 
-    def _whole(self, pieces: Sequence[Piece], change: Array) -> list[Lead]:
-        """A lead from each piece, in all recordings."""
+    def whole(self, pieces: Sequence[Piece], change: Array | None = None) -> list[Lead]:
+        """A lead from each piece, in all its recordings; `change` as `_changes`."""
+        change = self._changes(pieces) if change is None else change
         size = (change**2).sum(axis=0) - ((self.q.T @ change) ** 2).sum(axis=0)
         c, gain = _signed(pieces, size, change.T @ self.residual)
         return [
@@ -187,10 +188,11 @@ def _bounds(piece: Piece) -> tuple[float, float]:
     """Multiples of the start's amplitude that the parameter's range allows, up to 4."""
     effect = piece.effect
     p = next(p for p in effect.parameters if p.name == effect.amplitude)
-    value = float(np.max(np.abs(piece.values[effect.amplitude])))
+    values = np.atleast_1d(piece.values[effect.amplitude])
     if effect.off.get(effect.amplitude) != 0.0:
         return 0.0, 1.5
-    return max(p.low / value, -4.0), min(p.high / value, 4.0)
+    low, high = sorted(np.array([p.low, p.high]) / values[np.argmax(np.abs(values))])
+    return max(float(low), -4.0), min(float(high), 4.0)
 
 
 def _signed(pieces: Sequence[Piece], size: Array, dot: Array) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from math import lgamma
+from math import comb, lgamma, log
 
 import numpy as np
 
@@ -32,6 +32,14 @@ def sizes(count: int, groups: Sequence[Sequence[int]]) -> list[int]:
     """Recordings of each specimen; those in no group are of the first."""
     mine = [len(group) for group in groups]
     return [count - sum(mine), *mine]
+
+
+def picked(count: int, wrong: int) -> float:
+    """Log odds against so many of the recordings, and these: some are right, some not.
+
+    How many is as open as which.
+    """
+    return log(max(count - 1, 1) * comb(count, wrong))
 
 
 def estimated(found: Fit) -> tuple[Array, Array]:
