@@ -81,13 +81,14 @@ def offset(made, free=()):
     return Guess(HOOKE, np.array([2.0]), (piece,))
 
 
-def test_evidence_of_an_account_is_the_density_of_its_residual(monkeypatch):
+@pytest.mark.parametrize("c", [0.005, 0.02])
+def test_evidence_of_an_account_is_the_density_of_its_residual(monkeypatch, c):
     made = engine()
     base = fit(made, Guess(HOOKE, np.array([2.0])), fixed_base=True)
     found = fit(made, offset(made), fixed_base=True)  # nothing free: none projected
     weigher = Weigher(made, base)
     assert weigher.unseen.shape == (2 * N, 0)  # there is no gap
-    tau, a, b, c, _ = scales = (0.2, 0.01, 0.02, 0.005, 0.0)
+    tau, a, b, *_ = scales = (0.2, 0.01, 0.02, c, 0.0)
     monkeypatch.setattr(evidence, "GRIDS", tuple((s,) for s in scales))
     dense = covariance(made)
     (change,) = changes(made, found)
@@ -101,10 +102,11 @@ def test_evidence_of_an_account_is_the_density_of_its_residual(monkeypatch):
     residual = made.target - found.stress
     expected = multivariate_normal.logpdf(residual, cov=dense)
     expected -= 0.5 * (tau / evidence.FORM_PRIOR) ** 2
-    wander = 0.5 * (c / evidence.CLASS) ** 2  # no more than a machine may err by
+    wander = 0.5 * (c / evidence.ELSE_PRIOR) ** 2  # but what no machine has is free
+    own = wander * (c <= evidence.CLASS)
     told = weigher.weigh(found)
-    assert told.beside == pytest.approx(expected - wander, rel=1e-6)
-    slight = 0.5 * (a**2 + b**2 + c**2) / evidence.ELSE_PRIOR**2 - wander
+    assert told.beside == pytest.approx(expected - own, rel=1e-6)
+    slight = 0.5 * (a**2 + b**2) / evidence.ELSE_PRIOR**2 + wander - own
     assert told.alone == pytest.approx(told.beside - slight, rel=1e-9)
 
 

@@ -35,12 +35,14 @@ SCATTER = (0.0, 0.01, 0.02, 0.04)  # of the stress, between specimens
 MISTAKE = (0.03, 0.1, 0.3, 1.0)  # of it, of recordings that are wrong by a scale
 # Bends, three kinds of discrepancy, scatter, mistakes.
 GRIDS = (FORM, ELSE, ELSE, ELSE, SCATTER, MISTAKE)
-APART, WRONG = 4, 5  # their places
+OWN_TIME, APART, WRONG = 3, 4, 5  # their places
+WANDER = 4  # place of the least that no machine has, in time
 FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
 ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is
-CLASS = 0.01  # of the largest stress: errors of a machine of class 1, ISO 7500-1
+CLASS = 0.01  # of the largest stress: errors of a machine of class 1, ISO 7500-1;
+# what wanders less is noise, and what wanders more is something else
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
 FADING = 4  # paces at which what was not written down is forgotten
 # Of columns that are nearly one products are known to rounding alone: the least works.
@@ -120,10 +122,9 @@ class Weigher:
         def value(scales: Sequence[float], free: bool) -> float:
             prior = (scales[0] / FORM_PRIOR) ** 2
             prior += (scales[APART] / SCATTER_PRIOR) ** 2
-            if free:
-                prior += (scales[3] / CLASS) ** 2
-            else:
-                prior += sum((a / ELSE_PRIOR) ** 2 for a in scales[1:APART])
+            slight = [] if free and scales[OWN_TIME] > CLASS else [scales[OWN_TIME]]
+            slight += [] if free else scales[1:OWN_TIME]
+            prior += sum((a / ELSE_PRIOR) ** 2 for a in slight)
             made = gained(gram, right, np.array(scales)[kinds])
             return plain + made - 0.5 * prior - unsaid * bool(scales[APART])
 
@@ -133,7 +134,10 @@ class Weigher:
         place, alone = climb(lambda s: value(s, False), nothing, moved)
         at, beside = place, alone
         if whole:
-            at, beside = climb(lambda s: value(s, True), place, moved)
+            most = min(WANDER, len(GRIDS[OWN_TIME]) - 1)
+            wide = [*place[:OWN_TIME], most, *place[APART:]]
+            tops = [climb(lambda s: value(s, True), p, moved) for p in (place, wide)]
+            at, beside = max(tops, key=lambda top: top[1])
         law = [0] * APART + place[APART:]
         bare = value([g[i] for g, i in zip(GRIDS, law, strict=True)], False)
         return Evidence(
