@@ -242,7 +242,7 @@ def believed(engine: Engine, noise: Sequence[Noise]) -> bool:
     """Whether a machine may have such a noise: what is larger is something missed."""
     sigma = zip(noise, engine.data.stress_MPa, strict=True)
     square = np.concatenate([one.sigma(s[np.isfinite(s)]) ** 2 for one, s in sigma])
-    return bool(np.sqrt(square.mean()) < CLASS * engine.level)
+    return bool(np.sqrt(square.mean()) < CLASS * np.ptp(engine.target))
 
 
 def _again(

@@ -127,10 +127,8 @@ def shaped(engine: Engine, screen: Screen, found: Fit, closely: bool) -> Fit:
     tried = [found]
     if closely:
         leads = screen.closer(found.guess.pieces[index].effect, ENTRY)
-        lead = max(leads, key=lambda x: x.gain, default=None)
-        if lead is not None:
-            tried.append(refine(engine, screen.base, lead.piece, 6))
-            tried = [t for t in tried if len(names(t)) > len(held)]
+        tried += [refine(engine, screen.base, lead.piece, 6) for lead in leads]
+        tried = [t for t in tried if len(names(t)) > len(held)]
     best = min(tried, key=schwarz)
     for inside in (False, True) if closely else (False,):
         best = min(best, release(engine, best, index, inside), key=schwarz)
@@ -273,12 +271,13 @@ def moved(engine: Engine, found: Fit, index: int) -> Fit:
     apart = {m: np.subtract(coarse[1][m], coarse[0][m]) for m in moments}
     for mine in map(np.array, groups):
         now = found.guess.pieces[index]
+        shape = {name: now.values[name] for name in law.shape}
         rest = np.setdiff1d(np.concatenate(now.groups), mine)
         less = _refitted(engine, found, index, only(now, rest), 4)
         screen = Screen(engine, less)
-        lead = _best(screen, law, coarse, mine)
+        lead = _best(screen, law, [start | shape for start in coarse], mine)
         fine = [
-            coarse[0] | {m: lead[m] + share * apart[m] for m in moments}
+            coarse[0] | shape | {m: lead[m] + share * apart[m] for m in moments}
             for share in np.linspace(-1, 1, FINE)
         ]
         lead = _best(screen, law, fine, mine)
