@@ -228,3 +228,17 @@ def test_what_trails_is_the_exponential_of_its_own_recording():
     since = np.maximum(np.round((time - 0.9) / 0.1), 0)
     expected = (1 + owner) * (1 - np.exp(-0.1 * since / 0.5))
     np.testing.assert_allclose(late, expected, atol=1e-12)
+
+
+def test_a_moment_pays_for_two_numbers():
+    made = engine()
+    law = effect("grip_slip")
+    values = law.defaults() | {
+        "slip": np.array([0.0, 0.05]),
+        "moment_s": np.full(2, 3.0),
+    }
+    free = ("slip", "moment_s")
+    for names, expected in ((("slip",), 1), (free, 3), ((*free, "duration_s"), 4)):
+        piece = Piece(law, values, names, ((1,),))
+        found = fit(made, Guess(HOOKE, np.array([2.0]), (piece,)), iterations=0)
+        assert Weigher(made, found).weigh(found).numbers == expected
