@@ -15,6 +15,7 @@ from softnn.mismatch.accounts import (
     Account,
     _as_mistakes,
     _as_specimens,
+    _settled,
     _worth,
     believed,
     search,
@@ -302,3 +303,32 @@ def test_a_mistake_that_several_recordings_share_is_one_number():
     (piece,) = found.guess.pieces
     assert piece.groups == ((1, 3),)
     np.testing.assert_allclose(piece.values["error"], factors, atol=0.01)
+
+
+def test_a_wander_that_no_machine_has_is_not_settled_for_noise():
+    chunks = histories()
+    rng, clean = np.random.default_rng(1), simulate(UNITS, STIFFNESS, [], chunks)
+    top = max(float(s.max()) for s in clean)
+    stress = [
+        s + top * (0.1 * np.sin(c.time_s / 6) + 2e-3 * rng.standard_normal(len(s)))
+        for c, s in zip(chunks, clean, strict=True)
+    ]
+    base = baseline(Data(tuple("abcde"), tuple(chunks), tuple(stress)), "pl-wiechert")
+    weigher = Weigher(base.engine, base.fit)
+    bare = Account(base.fit, weigher.weigh(base.fit, whole=False))
+    noise, _ = _settled(base, weigher, [bare])
+    assert noise == weigh(base.engine, bare.fit, long=False)
+    assert noise != weigh(base.engine, bare.fit, long=True)
+
+
+def test_a_mass_is_not_negative():
+    law = effect("inertia")
+    chunk = law.telltale()
+    kick = simulate(SPRING, np.ones(2), [Term(law, {"mass": 1e-3})], [chunk])[0]
+    plain = simulate(SPRING, np.ones(2), [], [chunk])[0]
+    pushed = 2 * plain - kick
+    for stress, found in ((kick, True), (pushed, False)):
+        base = baseline(Data(("a",), (chunk,), (stress,)), "pl-wiechert")
+        fits = expand(base.engine, base.fit, [law], 1)
+        better = [f for f in fits if f.chi2 < 0.5 * base.fit.chi2]
+        assert bool(better) == found

@@ -1,5 +1,7 @@
 """The evidence of a set of effects against the textbook's, with dense covariances."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -242,3 +244,20 @@ def test_a_moment_pays_for_two_numbers():
         piece = Piece(law, values, names, ((1,),))
         found = fit(made, Guess(HOOKE, np.array([2.0]), (piece,)), iterations=0)
         assert Weigher(made, found).weigh(found).numbers == expected
+
+
+def test_what_wanders_more_than_a_machine_is_something_else(monkeypatch):
+    in_time = ((0.0,),) * 3 + evidence.GRIDS[3:]
+    monkeypatch.setattr(evidence, "GRIDS", in_time)
+    made = engine(memory=())
+    base = fit(made, Guess(HOOKE, np.array([2.0])), fixed_base=True)
+    weigher = Weigher(made, base)
+    quiet = weigher.weigh(base)
+    clock = np.concatenate([c.time_s / c.time_s[-1] for c in made.chunks])
+    own = np.cos(3 * np.pi * clock) * (made.owner == 1)
+    for size, seen in ((0.1, True), (0.002, False)):
+        there = replace(
+            base, residual=base.residual + made.whiten(size * made.level * own)
+        )
+        told = weigher.weigh(there)
+        assert (told.beside - told.alone > quiet.beside - quiet.alone + 20) == seen

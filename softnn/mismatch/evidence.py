@@ -36,13 +36,11 @@ MISTAKE = (0.03, 0.1, 0.3, 1.0)  # of it, of recordings that are wrong by a scal
 # Bends, three kinds of discrepancy, scatter, mistakes.
 GRIDS = (FORM, ELSE, ELSE, ELSE, SCATTER, MISTAKE)
 OWN_TIME, APART, WRONG = 3, 4, 5  # their places
-WANDER = 4  # place of the least that no machine has, in time
 FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
 ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is
-CLASS = 0.02  # of the stress: errors of a machine of class 2, ISO 7500-1;
-# what wanders less is noise, and what wanders more is something else
+CLASS = 0.02  # of the stress: a machine of class 2 errs no more, ISO 7500-1
 GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
 FADING = 4  # paces at which what was not written down is forgotten
 # Of columns that are nearly one products are known to rounding alone: the least works.
@@ -134,8 +132,8 @@ class Weigher:
         place, alone = climb(lambda s: value(s, False), nothing, moved)
         at, beside = place, alone
         if whole:
-            most = min(WANDER, len(GRIDS[OWN_TIME]) - 1)
-            wide = [*place[:OWN_TIME], most, *place[APART:]]
+            more = sum(a <= CLASS for a in GRIDS[OWN_TIME][:-1])  # than a machine has
+            wide = [*place[:OWN_TIME], more, *place[APART:]]
             tops = [climb(lambda s: value(s, True), p, moved) for p in (place, wide)]
             at, beside = max(tops, key=lambda top: top[1])
         law = [0] * APART + place[APART:]
