@@ -24,7 +24,7 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.evidence import CLASS, SCATTER, Evidence, Weigher, worth
+from softnn.mismatch.evidence import CLASS, SCATTER, Evidence, Weigher, mistaken
 from softnn.mismatch.specimens import shared
 from softnn.noise import Noise
 
@@ -61,8 +61,13 @@ class Account:
         recordings.
         """
         found, evidence = self.fit, self.evidence
-        one = 0.5 * np.log(len(found.residual))
-        own = sum(worth(found, s) > 0 for s in found.slots if s.recordings is not None)
+        one, pieces = 0.5 * np.log(len(found.residual)), found.guess.pieces
+        own = sum(
+            s.piece >= 0
+            and s.recordings is not None
+            and not (pieces[s.piece].nuisance or mistaken(found, s))
+            for s in found.slots
+        )
         numbers = [evidence.numbers * one, own * one]
         return np.array([evidence.bare, evidence.alone, evidence.beside, *numbers])
 
