@@ -13,6 +13,7 @@ forged says nothing of what people bring, so each kind counts alike.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from collections.abc import Sequence
@@ -49,6 +50,7 @@ from softnn.workers import workers
 CLIP = 1e-4  # a name surer than that, and wrong, is no greater lesson
 PULL = 0.003  # towards the constants before, in logarithms
 FOLDS = 5
+STEPS = (1e-4, 1e-3, 1e-4)  # of derivatives: slopes break where a tail begins
 START = "softnn.mismatch"  # where a search begins
 
 
@@ -100,7 +102,9 @@ def searching() -> tuple[Path, ...]:
 
 def lessons(folder: Path, jobs: int, fresh: bool) -> list[dict[str, Any]]:
     """The lessons of a folder; those that this code has learned before are kept."""
-    file = RUNS / "calibrate" / f"{folder.resolve().name}.sqlite"
+    place = folder.resolve()  # two may have one name
+    which = hashlib.sha256(str(place).encode()).hexdigest()[:8]
+    file = RUNS / "calibrate" / f"{place.name}-{which}.sqlite"
     with (
         Store(file, code_of(searching(), words=False), fresh) as store,
         workers(jobs) as pool,
@@ -181,8 +185,10 @@ def fitted(lessons: Lessons, before: Constants) -> Constants:
         scores = log_score(lessons, Constants(*np.exp(z)))
         return float(pull - np.mean(weight * scores))
 
-    best = minimize(loss, start_, method="L-BFGS-B")
-    return Constants(*(float(x) for x in np.exp(best.x)))
+    z = start_
+    for step in STEPS:
+        z = minimize(loss, z, method="L-BFGS-B", options={"eps": step}).x
+    return Constants(*(float(x) for x in np.exp(z)))
 
 
 def run(

@@ -23,14 +23,14 @@ from softnn.mismatch.posterior import (
 N = 400
 HAND = Constants(
     tail=2.0,
-    which=4.0,
+    exact=4.0,
     strange=4.0,
     noise=4.0,
     number=1.0,
+    left=1.0,
     share=0.0,
     both=4.0,
     further=3.0,
-    left=1.0,
     loose=1.0,
     bent=0.0,
     first=1.0,
@@ -83,8 +83,9 @@ def lost(behind, tail):
 
 
 def test_probabilities_of_a_small_table():
-    # One effect has 164 at best, two have 153 less the 3 that a second is to gain.
-    many = np.exp([-1.0, -1.0 - 2.0 - lost(14.0, 2.0)])
+    # One effect has 164 at best; two have 153, less the root of the 4 that they leave
+    # and the 3 that a second is to gain.
+    many = np.exp([-1.0, -1.0 - 2.0 - lost(16.0, 4.0)])
     which = np.exp([-0.25, -4.0])
     each = many[0] * which / which.sum()
     rest = np.exp([-lost(64.0, 4.0), -3.0 - lost(28.0, 4.0)])
@@ -93,24 +94,32 @@ def test_probabilities_of_a_small_table():
     np.testing.assert_allclose(found, weight / weight.sum(), atol=1e-12)
 
 
-def test_what_laws_leave_makes_further_effects_dearer_and_tails_heavier():
+def test_what_laws_leave_costs_its_root_and_makes_tails_heavier():
+    nothing = np.array([97.0, 97.0, 97.0, 0, 0, 0, 0])
     one = TABLE[2].copy()
-    one[2] = one[0] + 9.0  # what flexible terms gain beside it
+    one[2] = one[0] + 9.0  # what flexible terms gain beside it: 161 are left of 165
+    another = np.array([156.0, 156.0, NONE, 0, 0, 1, 0])
     two = np.array([190.0, 190.0, NONE, 0, 0, 2, 0])
-    rows = np.array([TABLE[0], TABLE[1], one, TABLE[3], two])
+    rows = np.array([nothing, TABLE[1], one, another, two])
     scarce = replace(HAND, both=1e6)  # counts for D alone
-    # Two have 190 less 3 and the root of 9; one is 20 behind.
-    many = np.exp([-1.0 - lost(20.0, 2.0), -3.0])
-    which = np.exp([-0.25, -lost(4.0, 2.0 + 2.0 / 10.0)])
-    # What leads leaves nothing: something on no list is as far behind as it is.
-    rest = np.exp([-lost(84.0, 4.0), -3.0 - lost(48.0, 4.0)])
-    weight = np.array([*rest, *(many[0] * which / which.sum()), many[1]])
+    which = np.exp([-0.25, -lost(5.0, 2.0 + 2.0 / 10.0)])
+
+    def weight(lead, tail):
+        many = np.exp([-1.0 - lost(lead - 161.0, tail), -3.0])
+        rest = np.exp([-lost(lead - 97.0, 4.0), -3.0 - lost(lead - 136.0, tail)])
+        out = np.array([*rest, *(many[0] * which / which.sum()), many[1]])
+        return out / out.sum()
+
+    # What leads, 190 less 3, leaves nothing: what is behind is as far as it is.
     found = probabilities(rows, scarce)
-    np.testing.assert_allclose(found, weight / weight.sum(), atol=1e-12)
+    np.testing.assert_allclose(found, weight(187.0, 4.0), atol=1e-12)
+    leaving = rows.copy()
+    leaving[4, 2] = 199.0  # it leaves as much as the other
+    again = probabilities(leaving, scarce)
+    np.testing.assert_allclose(again, weight(184.0, 2.0 + 2.0 / 10.0), atol=1e-12)
     # Usual is what is a share of all that is gained: 9 of 1 + 64 / 8 is one.
-    usual = replace(scarce, bent=1 / 8)
-    again = probabilities(rows, usual)
-    assert again[3] / again[2] == pytest.approx(np.exp(0.25 - lost(4.0, 3.0)))
+    usual = probabilities(rows, replace(scarce, bent=1 / 8))
+    assert usual[3] / usual[2] == pytest.approx(np.exp(0.25 - lost(5.0, 3.0)))
 
 
 def test_the_same_lead_says_less_where_more_is_gained():
@@ -153,7 +162,8 @@ def test_a_law_and_something_else_share_one_evidence():
     found = posterior(tried, HAND)  # the second is e^2 times as likely
     share = np.exp(2.0) / (1 + np.exp(2.0))
     assert found.beside[1] == pytest.approx(share)
-    value, left = 30 + np.log1p(np.exp(2.0)), 6.0
+    left = 6.0
+    value = 30 + np.log1p(np.exp(2.0)) - np.sqrt(left)
     strange = lost(value, 2.0 + 2.0 / (1 + left)) + 3.0
     nothing = lost(value, 4.0)
     weight = np.exp([-nothing, -1.0, -strange])

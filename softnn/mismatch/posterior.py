@@ -3,8 +3,10 @@ r"""One posterior over all that was tried: which effects, if any, and what else.
 A hypothesis is a set of effects, or something on no list, or that nothing is missing.
 Beside effects there may be something on no list, too: their evidence is that of both
 cases together, the second `both` nats less likely. The value v of a hypothesis is its
-log evidence less `number` log n / 2 for each number of its own. Every law is only
-nearly right, so that a value is wrong by an error with heavy tails:
+log evidence less `number` log n / 2 for each number of its own, and less c for the root
+of D, what its laws leave to be bent or added (`beside` less `bare`): laws that leave
+much get something wrong, and some of what they gain is what others would. Every law is
+only nearly right, so that a value is wrong by an error with heavy tails:
 
 .. math:: h_k(z) = z \text{ up to } k, \quad k\,(1 + \log(z / k)) \text{ beyond}
 
@@ -14,19 +16,17 @@ under an error of Student's kind.
 
 *How many* effects there are is asked first, then *which*. Of many laws that are not
 there one or the other takes up what those that are there get wrong, so that a further
-effect is to gain more than that: f nats, and c for each root of D, what the laws of the
-best set of one effect less leave to be bent or added (`beside` less `bare`). With w the
-value of the best set of n effects less these prices,
+effect is to gain f nats more. With w the value of the best set of n effects less this,
 
-.. math:: P(n) \propto e^{-\pi(n) - h_k(z)}, \quad
+.. math:: P(n) \propto e^{-\pi(n) - h_{k'}(z)}, \quad
           z = \frac{w_{max} - w_n}{1 + r \log(1 + g_n)}, \quad
           P(S \mid n) \propto e^{-\pi(S) - h_{k'}(z_S)}
 
 with g what a set gains over nothing, and z_S of sets of as many effects. Where laws
 leave nothing they stand as they are, and a set that is behind is out; where they leave
-much they cannot: k' falls from `which` to k with D over 1 + t g. So does the k of
-something on no list, with the D of what leads. That nothing is missing has a k of its
-own: no law can be wrong there, but noise.
+much they cannot: k' falls from `exact` to k with D over 1 + t g, that of what leads,
+among all or among as many. So does the k of something on no list. That nothing is
+missing has a k of its own: no law can be wrong there, but noise.
 
 The constants are fitted to the names of development cases (`bench.calibrate`), some of
 them with laws that are bent. Names, verdict and equivalents are all read off these
@@ -52,21 +52,21 @@ LIKELY = 0.1  # of the probability of the best, from which another is as good a 
 class Constants:
     """Of the posterior; fitted on development families, see `docs/method.md`."""
 
-    tail: float = 0.343  # k of how many, and of all else where laws leave much
-    which: float = 1.225  # k of which effects, where laws leave nothing
-    strange: float = 0.758  # k of something on no list, likewise
-    noise: float = 7.257  # k of nothing
-    number: float = 0.775  # of (log n) / 2, the price of a number
-    share: float = 0.179  # r, of the logarithm of what effects gain
-    both: float = 6.536  # of something else beside effects, in their evidence
-    further: float = 10.59  # f, nats a further effect has to gain
-    left: float = 0.675  # c, and so many for the root of what the laws before leave
-    loose: float = 1.264  # of D, at which k is halfway
-    bent: float = 0.015  # t, of what is gained, that laws leave usually
-    first: float = 3.575  # cost of any effect, nats
-    more: float = 1.087  # of each further one
-    own: float = 0.056  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.434  # of something on no list
+    tail: float = 0.439  # k of effects, and of all else where laws leave much
+    exact: float = 1.357  # k of effects where laws leave nothing
+    strange: float = 0.683  # k of something on no list, likewise
+    noise: float = 7.275  # k of nothing
+    number: float = 1.096  # of (log n) / 2, the price of a number
+    left: float = 1.173  # c, of the root of what laws leave
+    share: float = 0.538  # r, of the logarithm of what effects gain
+    both: float = 5.359  # of something else beside effects, in their evidence
+    further: float = 6.268  # f, nats a further effect has to gain
+    loose: float = 0.65  # of D, at which k is halfway
+    bent: float = 0.009  # t, of what is gained, that laws leave usually
+    first: float = 2.196  # cost of any effect, nats
+    more: float = 1.932  # of each further one
+    own: float = 0.037  # of (log n) / 2, of a number that is of single recordings
+    other: float = 2.287  # of something on no list
 
 
 CONSTANTS = Constants()
@@ -92,6 +92,14 @@ def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
     return both, np.exp(beside - np.where(np.isfinite(both), both, 0.0))
 
 
+def _value(table: Array, constants: Constants) -> tuple[Array, Array]:
+    """v of hypotheses, and D."""
+    bare, _, beside, price, _, count, _ = np.moveaxis(table, -1, 0)
+    left = np.where(count > 0, np.maximum(beside - bare, 0.0), 0.0)
+    paid = constants.number * price + constants.left * np.sqrt(left)
+    return _evidence(table, constants)[0] - paid, left
+
+
 def _lost(behind: Array, tail: Array | float) -> Array:
     """h of what a value is behind."""
     far = tail * (1 + np.log(np.maximum(behind, tail) / tail))
@@ -112,10 +120,9 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
     it is something on no list. Rows of no evidence (-inf), alone or beside, are none.
     """
     k = constants
-    bare, _, beside, price, own, count, other = np.moveaxis(table, -1, 0)
-    value = _evidence(table, k)[0] - k.number * price
+    _, _, _, _, own, count, other = np.moveaxis(table, -1, 0)
+    value, left = _value(table, k)
     gain = np.where(count > 0, np.maximum(value - value[..., :1], 0.0), 0.0)
-    left = np.where(count > 0, np.maximum(beside - bare, 0.0), 0.0)
 
     sizes = np.arange(1.0, max(count.max(), 1.0) + 1)[:, None]
     mine = (count[..., None, :] == sizes) & np.isfinite(value[..., None, :])
@@ -126,8 +133,7 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
     best = np.where(some, best, 0.0)
     gained = np.where(some, np.take_along_axis(gain, best_at, axis=-1), 0.0)
     spare = np.where(some, np.take_along_axis(left, best_at, axis=-1), 0.0)
-    to_pay = k.further + k.left * np.sqrt(spare)
-    net = np.where(some, best - (np.cumsum(to_pay, axis=-1) - to_pay), -np.inf)
+    net = np.where(some, best - k.further * (sizes[:, 0] - 1), -np.inf)
     none = np.where(count == 0, value, -np.inf)
     top = np.maximum(net.max(axis=-1), none.max(axis=-1))[..., None]
 
@@ -135,13 +141,13 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
         return k.tail + (full - k.tail) / (1 + over / k.loose)
 
     over = spare / (1 + k.bent * gained)
+    lead = np.take_along_axis(over, net.argmax(axis=-1)[..., None], axis=-1)
     scale = 1 + k.share * np.log1p(gained)
-    many = -_lost(np.where(some, top - net, np.inf) / scale, k.tail)
+    many = -_lost(np.where(some, top - net, np.inf) / scale, tail(k.exact, lead))
     many = many - k.first - k.more * (sizes[:, 0] - 1)
     behind = np.where(mine, best[..., None] - at, np.inf) / scale[..., None]
-    which = -_lost(behind, tail(k.which, over)[..., None]) - k.own * own[..., None, :]
+    which = -_lost(behind, tail(k.exact, over)[..., None]) - k.own * own[..., None, :]
     each = np.exp(many)[..., None] * _normal(np.where(mine, which, -np.inf))
-    lead = np.take_along_axis(over, net.argmax(axis=-1)[..., None], axis=-1)
     strange = np.exp(-_lost(top - none, tail(k.strange, lead)) - k.other)
     nothing = np.exp(-_lost(top - none, k.noise))
     weight = each.sum(axis=-2)
@@ -230,7 +236,7 @@ def table(
     every += [(i, True) for i, effects in enumerate(sets) if not effects]
     rows = np.array([[*figures[i], len(sets[i]), other] for i, other in every], float)
     rows[:, 1] = np.where(rows[:, 6] > 0, rows[:, 2], rows[:, 1])
-    worth = _evidence(rows, constants)[0] - rows[:, 3]
+    worth = _value(rows, constants)[0]
     best: dict[tuple[frozenset[str], bool], int] = {}
     for k, (i, other) in enumerate(every):
         key = sets[i], other
