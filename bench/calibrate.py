@@ -100,13 +100,17 @@ def searching() -> tuple[Path, ...]:
     return tuple(sorted(found))
 
 
+def kept(folder: Path) -> Path:
+    """Where the lessons of a folder are: two may have one name."""
+    place = folder.resolve()
+    which = hashlib.sha256(str(place).encode()).hexdigest()[:8]
+    return RUNS / "calibrate" / f"{place.name}-{which}.sqlite"
+
+
 def lessons(folder: Path, jobs: int, fresh: bool) -> list[dict[str, Any]]:
     """The lessons of a folder; those that this code has learned before are kept."""
-    place = folder.resolve()  # two may have one name
-    which = hashlib.sha256(str(place).encode()).hexdigest()[:8]
-    file = RUNS / "calibrate" / f"{place.name}-{which}.sqlite"
     with (
-        Store(file, code_of(searching(), words=False), fresh) as store,
+        Store(kept(folder), code_of(searching(), words=False), fresh) as store,
         workers(jobs) as pool,
     ):
         known = store.rows()

@@ -11,6 +11,7 @@ from test_posterior import HAND
 from bench.calibrate import (
     CLIP,
     fitted,
+    kept,
     log_score,
     searching,
     stacked,
@@ -88,3 +89,9 @@ def test_the_judgement_is_no_part_of_the_search():
     names = {f"{f.parent.name}/{f.name}" for f in searching()}
     assert {"mismatch/accounts.py", "mismatch/evidence.py", "effects/slack.py"} <= names
     assert not names & {"mismatch/posterior.py", "mismatch/verdict.py"}
+
+
+def test_lessons_of_folders_of_one_name_are_apart(tmp_path):
+    one, other = tmp_path / "first" / "cases", tmp_path / "second" / "cases"
+    assert kept(one) != kept(other)
+    assert kept(one) == kept(other / ".." / ".." / "first" / "cases")
