@@ -93,14 +93,26 @@ def test_readings_that_share_the_probability_correct_without_a_name(
     assert (told.after is told.before) != corrects
 
 
-def test_what_is_on_no_list_is_corrected_by_the_best_reading(softened, monkeypatch):
+@pytest.mark.parametrize("wrong", [1.0, 1e6])
+def test_what_is_on_no_list_is_corrected_by_a_reading_that_holds(
+    softened, monkeypatch, wrong
+):
     found, of = softened
-    soft = of[frozenset(["mullins_softening"])]
-    shares = [(found.accounts[0], 0.01), (soft, 0.39)]
-    told = told_of(monkeypatch, found, shares, strange=0.6)
+    soft, plain = of[frozenset(["mullins_softening"])], verify.heldout
+
+    def heldout(engine, fit):  # as whitened, along tangents, as before
+        made = plain(engine, fit)
+        errors = made.errors * (wrong if fit is soft.fit else 1.0)
+        return replace(made, errors=errors)
+
+    monkeypatch.setattr(verify, "heldout", heldout)
+    told = told_of(
+        monkeypatch, found, [(found.accounts[0], 0.01), (soft, 0.39)], 0, 0.6
+    )
     assert (told.names, told.verdict) == ([], "unexplained")
-    assert told.account is soft
-    assert told.heldout_after.nrmse < 0.6 * told.heldout_before.nrmse
+    assert told.account is (soft if wrong == 1 else found.accounts[0])
+    better = told.heldout_after.nrmse < 0.6 * told.heldout_before.nrmse
+    assert better == (wrong == 1)
 
 
 def test_what_foretells_no_better_than_the_base_corrects_nothing(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import erf
 
+from bench.hands import kernels
 from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng, some
 
 if TYPE_CHECKING:
@@ -58,6 +59,17 @@ def recruitment(rng: Rng, s: Setup) -> Act:
         return area(x) - area(np.zeros(1))
 
     return _slack(rng, s, form)
+
+
+def play(rng: Rng, s: Setup) -> Act:
+    """A worn nut: the crosshead loses its play at every turn."""
+
+    def rig(i: int, t: Array, e: Array, a: float) -> Array:
+        if a == 0:
+            return e
+        return e - kernels.slider(np.diff(e, prepend=0.0), a * s.em)
+
+    return Act(0.2, rig=rig)
 
 
 def _moments(rng: Rng, s: Setup) -> dict[int, float]:
@@ -134,6 +146,14 @@ LAWS = (
         HELD_OUT,
         "Lanir 1983, 10.1016/0021-9290(83)90041-6",
         recruitment,
+        "rig",
+    ),
+    Law(
+        "slack",
+        "play",
+        HELD_OUT,
+        "play operator; Krasnosel'skii & Pokrovskii 1989",
+        play,
         "rig",
     ),
     Law("grip_slip", "sudden", DEVELOPMENT, "ASTM D412, slippage", sudden_slip, "rig"),

@@ -40,17 +40,6 @@ def end_stop(rng: Rng, s: Setup) -> Act:
     return Act(1.0, {"recordings": met, "at": at}, sensor=sensor)
 
 
-def backlash(rng: Rng, s: Setup) -> Act:
-    """A worn nut: the crosshead loses its play at every turn."""
-
-    def rig(i: int, t: Array, e: Array, a: float) -> Array:
-        if a == 0:
-            return e
-        return e - kernels.slider(np.diff(e, prepend=0.0), a * s.em)
-
-    return Act(0.2, rig=rig)
-
-
 def clock_skew(rng: Rng, s: Setup) -> Act:
     """The stress logger's clock runs fast or slow, more and more."""
     way = float(rng.choice([-1, 1]))
@@ -112,14 +101,6 @@ _A, _R, _S = "alien", "rig", "sensor"
 STRANGERS = (
     Law(_A, "lead_screw", DEVELOPMENT, "ISO 3408-3, travel deviation", lead_screw, _R),
     Law(_A, "end_stop", HELD_OUT, "contact; Hertz 1882 at power 1.5", end_stop, _S),
-    Law(
-        _A,
-        "backlash",
-        HELD_OUT,
-        "play operator; Krasnosel'skii & Pokrovskii 1989",
-        backlash,
-        _R,
-    ),
     Law(_A, "clock_skew", DEVELOPMENT, "two clocks, no paper", clock_skew, _S),
     Law(_A, "mains_hum", DEVELOPMENT, "aliasing; Shannon 1949", mains_hum, _S),
     Law(_A, "bursts", HELD_OUT, "IEC 61000-4-4, fast transients", bursts, _S),

@@ -65,14 +65,17 @@ class Told:
         """Whether there is a correction; `account` becomes the best there is."""
         if self.verdict in ("explained", "nothing_missing"):
             return bool(self.names)
-        tried = [(self.account, self.heldout_after)]
+        first = self.account, self.heldout_after
         if not self.names:  # a correction that foretells worse than none is none
-            tried = [(self.found.accounts[0], self.heldout_before)]
+            first = self.found.accounts[0], self.heldout_before
+        tried = [first]
         # What first loadings leave out may be anything, and each goes on its own way.
         dark = self.few or locate.only_loading(self.engine)
         for account in () if dark else self.probable.readings():
             if account.effects > set(self.names):
-                tried.append((account, verify.heldout(self.engine, account.fit)))
+                left = verify.heldout(self.engine, account.fit)
+                # Laws that bend may foretell well along their tangents alone.
+                tried += [(account, left)] * (left.nrmse <= first[1].nrmse)
         self.account, self.heldout_after = min(tried, key=lambda t: t[1].misfit)
         return bool(self.account.effects)
 
