@@ -149,7 +149,8 @@ def reliability_figure(trials: Result) -> Figure:
             axes.annotate(
                 f"{d['of']}",
                 (d["mean"], d["rate"]),
-                xytext=(5, 4 + 9 * i),
+                xytext=(-4 if i % 2 else 4, -9 if i // 2 % 2 else 4),
+                ha="right" if i % 2 else "left",
                 textcoords="offset points",
                 fontsize=7,
                 color=colour,
