@@ -1,13 +1,14 @@
 """What constants are fitted to: lessons stacked, their score by hand, and a fit."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_posterior import HAND
 
+from bench import calibrate
 from bench.calibrate import (
     CLIP,
     fitted,
@@ -95,3 +96,25 @@ def test_lessons_of_folders_of_one_name_are_apart(tmp_path):
     one, other = tmp_path / "first" / "cases", tmp_path / "second" / "cases"
     assert kept(one) != kept(other)
     assert kept(one) == kept(other / ".." / ".." / "first" / "cases")
+
+
+@pytest.mark.parametrize("taught", [True, False])
+def test_constants_move_only_for_what_holds_beyond_its_lessons(monkeypatch, taught):
+    rng = np.random.default_rng(0)
+    gains = rng.uniform(0, 30, 24)
+    # Gains of six and more are right; or right and wrong have nothing to do with them.
+    right = gains > 6 if taught else rng.random(24) < 0.5
+    null = {"cls": "null", "effects": ()}
+    known = [
+        lesson(g, **({} if yes else null)) for g, yes in zip(gains, right, strict=True)
+    ]
+    known = [one | {"case": str(i)} for i, one in enumerate(known)]
+    monkeypatch.setattr(calibrate, "lessons", lambda *_: known)
+    monkeypatch.setattr(calibrate, "PULLS", (0.003,))
+    monkeypatch.setattr(calibrate, "FOLDS", 3)
+    far = replace(CONSTANTS, first=9.0)
+    before = far if taught else fitted(stacked(known), CONSTANTS)
+    monkeypatch.setattr(calibrate, "CONSTANTS", before)
+    told = calibrate.run([Path("made")], 1, rng, False)
+    assert told["headline"]["fitted_anew"] == taught
+    assert (told["constants"] == asdict(before)) != taught

@@ -241,7 +241,7 @@ def draw_material(
     rng: Rng, side: str, model: str, em: float, mid: float, skeleton: Skeleton | None
 ) -> Material:
     """A material that the base `model` should be able to represent."""
-    modulus = loguniform(rng, 0.005, 20)  # with branches, stiffened: a hard rubber
+    modulus = loguniform(rng, 0.005, 50)
     if model.startswith("pl-"):
         if skeleton is None:
             raise ValueError("a material for a bent spring needs a skeleton")
