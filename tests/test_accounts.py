@@ -188,9 +188,9 @@ def test_mistakes_are_asked_of_all_that_are_near_the_best():
 def test_a_search_tries_scales_as_mistakes():
     found = search(baseline(made([MISTAKEN]), "pl-sls"))  # of two branches it has one
     both = {"relaxation_branch", "gain_error"}
-    mistaken = [value(a) for a in found.accounts if a.effects == both]
+    mistaken = [a.evidence.alone for a in found.accounts if a.effects == both]
     apart = [
-        value(a)
+        a.evidence.alone
         for a in found.accounts
         if any(p.unsaid for p in a.fit.guess.pieces)
         and a.effects == {"relaxation_branch"}
@@ -225,14 +225,13 @@ def test_accounts_are_weighed_under_one_noise(softened):
     base = softened.base
     assert isinstance(base, Baseline)
     assert isinstance(base.engine, Engine)
+    # Its functions are of another base: they say which samples of a misfit are off.
     weigher = Weigher(base.engine, softened.accounts[0].fit)
-    alike = 0
-    for account in softened.accounts:
-        again, before = weigher.weigh(account.fit, whole=False), account.evidence
-        if again.scatter == before.scatter:  # its functions are of another base
-            assert again.bare == pytest.approx(before.bare, rel=1e-9)
-            alike += 1
-    assert alike > len(softened.accounts) / 2
+    near = [a for a in softened.accounts if a.fit.chi2 < 1.5 * len(a.fit.residual)]
+    assert len({a.effects for a in near}) > 3
+    for account in near:
+        again = weigher.weigh(account.fit).bare
+        assert again == pytest.approx(account.evidence.bare, abs=0.5)
 
 
 def test_a_planted_effect_leaves_the_noise_that_was_drawn(softened):

@@ -255,3 +255,5 @@ def test_the_command_forges_and_refuses(tmp_path, capsys):
     assert "is not empty" in capsys.readouterr().err
     assert trial.main(["--forge-only", where, "--only", "magic"]) == 2
     assert "no effect is called 'magic'" in capsys.readouterr().err
+    assert trial.main(["--forge-only", where, "--hands", "held-out"]) == 2
+    assert "bench.hands --side held-out" in capsys.readouterr().err

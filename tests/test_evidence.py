@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.stats import multivariate_normal
 
 from softnn.contracts import Chunk
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import evidence
-from softnn.mismatch.evidence import Weigher, changes, climb, gained, trailing
+from softnn.mismatch.discrepancy import trailing
+from softnn.mismatch.evidence import RARE, WIDE, Linear, Weigher, changes, climb, gained
 from softnn.mismatch.specimens import UNSAID
 from softnn.models.units import Units
 
@@ -83,6 +85,13 @@ def offset(made, free=()):
     return Guess(HOOKE, np.array([2.0]), (piece,))
 
 
+@pytest.fixture
+def normal(monkeypatch):
+    """No sample is off by more than noise: evidence is the textbook's."""
+    monkeypatch.setattr(evidence, "MOST", 0.0)
+
+
+@pytest.mark.usefixtures("normal")
 @pytest.mark.parametrize("c", [0.005, 0.02])
 def test_evidence_of_an_account_is_the_density_of_its_residual(monkeypatch, c):
     made = engine()
@@ -129,6 +138,7 @@ def one_scaled(made, **kind):
     return found, density
 
 
+@pytest.mark.usefixtures("normal")
 def test_specimens_nobody_named_differ_each_from_a_mean_of_all(monkeypatch):
     made, apart = engine(), 0.03
     found, density = one_scaled(made, nuisance=True, unsaid=True)
@@ -141,6 +151,7 @@ def test_specimens_nobody_named_differ_each_from_a_mean_of_all(monkeypatch):
     assert told.numbers == 0  # no news
 
 
+@pytest.mark.usefixtures("normal")
 def test_a_scale_that_is_a_mistake_is_weighed_by_its_own_prior(monkeypatch):
     made, size = engine(), 0.3
     found, density = one_scaled(made)
@@ -169,6 +180,7 @@ def test_what_a_gap_leaves_is_projected_out():
     assert told[1] == pytest.approx(told[0], rel=1e-6)
 
 
+@pytest.mark.usefixtures("normal")
 def test_without_form_error_and_discrepancy_it_is_the_profile_likelihood(monkeypatch):
     monkeypatch.setattr(evidence, "GRIDS", ((0.0,),) * len(evidence.GRIDS))
     made = engine()
@@ -261,3 +273,103 @@ def test_what_wanders_more_than_a_machine_is_something_else(monkeypatch):
         )
         told = weigher.weigh(there)
         assert (told.beside - told.alone > quiet.beside - quiet.alone + 20) == seen
+
+
+def lines(seed=0, k=(3, 4), free=2, off=(7, 31)):
+    """A residual, two of it off by more than noise, its columns, and what is free."""
+    rng = np.random.default_rng(seed)
+    residual = rng.standard_normal(N)
+    residual[list(off)] += 9.0
+    mine, other = (rng.standard_normal((N, n)) for n in k)
+    q = np.linalg.qr(rng.standard_normal((N, free)))[0] if free else np.zeros((N, 0))
+    return residual, mine, other, q
+
+
+def mixture(z):
+    """Log density of half a square, over that of a normal at none."""
+    wide = np.log(RARE / WIDE) - z / WIDE**2
+    return np.logaddexp(np.log1p(-RARE) - z, wide)
+
+
+def test_samples_that_are_off_cost_what_their_mixture_says():
+    residual, *_ = lines()
+    none = np.zeros((N, 0))
+    line = Linear(residual, none, none, none.T @ none, none)
+    plain = line.value(np.zeros(0))
+    assert plain == pytest.approx(-0.5 * residual @ residual)
+    assert line.excuse(np.zeros(0))
+    assert sorted(line.off) == [7]  # one in thirty-three may be
+    z = 0.5 * residual[7] ** 2
+    assert line.value(np.zeros(0)) == pytest.approx(plain + z + mixture(z))
+
+
+def test_nothing_is_off_in_noise():
+    residual, mine, other, q = lines(off=())
+    line = Linear(residual, mine, other, other.T @ other, q)
+    before = line.value(np.ones(7))
+    assert not line.excuse(np.ones(7))
+    assert line.value(np.ones(7)) == before
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_off_weighs_less_beside_columns_and_what_is_free(monkeypatch, seed):
+    monkeypatch.setattr(evidence, "MOST", 0.05)
+    residual, mine, other, q = lines(seed)
+    scale = np.array([0.5, 0.0, 2.0, 1.0, 0.3, 0.0, 1.5])
+    line = Linear(residual, mine, other, other.T @ other, q)
+    first = line.left(scale)
+    assert line.excuse(scale)
+    assert sorted(line.off) == [7, 31]
+    # By hand: rows by the root of their weight, all anew.
+    z = 0.5 * first[line.off] ** 2
+    step = 1e-6 * z
+    weight = np.ones(N)
+    weight[line.off] = (mixture(z - step) - mixture(z + step)) / (2 * step)
+    root = np.sqrt(weight)
+    x, free = np.hstack([mine, other]) * root[:, None], q * root[:, None]
+    apart = np.eye(N) - free @ np.linalg.pinv(free)
+    y, x = apart @ (residual * root), apart @ x
+    made = gained(x.T @ x, x.T @ y, scale) - 0.5 * y @ y
+    cost = np.sum(-mixture(z) - weight[line.off] * z)
+    assert line.value(scale) == pytest.approx(made - cost, rel=1e-6)
+    live = scale > 0
+    inner = x[:, live].T @ x[:, live] + np.diag(scale[live] ** -2.0)
+    best = y - x[:, live] @ np.linalg.solve(inner, x[:, live].T @ y)
+    np.testing.assert_allclose(line.left(scale), best / root, atol=1e-6)
+
+
+def test_it_is_less_than_what_the_mixture_would_make_it():
+    """Of one column its weight can be integrated out as it is."""
+    residual, mine, _, _ = lines(k=(1, 1))
+    none = np.zeros((N, 0))
+    line = Linear(residual, mine, none, none.T @ none, none)
+    assert line.excuse(np.array([0.5]))
+
+    def density(weight):
+        z = 0.5 * (residual - weight * mine[:, 0]) ** 2
+        one = -z
+        one[line.off] = mixture(z[line.off])
+        prior = -0.5 * (weight / 0.5) ** 2 - np.log(0.5 * np.sqrt(2 * np.pi))
+        return np.exp(one.sum() + prior + 60)
+
+    exact = np.log(quad(density, -3, 3, points=[0])[0]) - 60
+    assert exact - 0.1 < line.value(np.array([0.5])) <= exact + 1e-9
+
+
+def test_a_spike_is_no_reason_for_a_law():
+    """What a law gains by three samples that are far off, and what by all of them."""
+    made = engine(memory=())
+    strain = np.concatenate([c.strain for c in made.chunks])
+    noise = made.target - 2 * strain
+
+    def gains(extra):
+        made.target = 2 * strain + noise + extra
+        base = fit(made, Guess(HOOKE, np.array([2.0])), fixed_base=True)
+        law = replace(base, stress=base.stress + extra, residual=made.whiten(noise))
+        weigher = Weigher(made, base)
+        return weigher.weigh(law).bare - weigher.weigh(base).bare
+
+    few = np.where(np.isin(np.arange(2 * N), (20, 21, 22)), 12 * SIGMA, 0.0)
+    spread = few.sum() / np.sqrt(3 * 2 * N) * np.ones(2 * N)  # as large a square
+    assert gains(few) < 3 * (np.log(WIDE / RARE) + 2)
+    assert gains(spread) > 3 * gains(few)

@@ -98,6 +98,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run(a: argparse.Namespace) -> None:
     if a.forge_only:
+        if a.hands or a.cases_in:
+            raise InputError(
+                "--forge-only is of this forge's own cases; those of other hands are "
+                f"made by python -m bench.hands --side {a.hands or SIDES[0]} --out DIR"
+            )
         wanted = orders_of(a)
         digest = forge_into(wanted, a.forge_only, a.jobs)
         print(f"{len(wanted)} cases in {a.forge_only / 'cases'}; key SHA-256 {digest}")

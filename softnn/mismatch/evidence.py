@@ -17,17 +17,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Slot, get, span
+from softnn.mismatch.discrepancy import (
+    by_recording,
+    fourier,
+    states,
+    trailing,
+    unwritten,
+)
 from softnn.mismatch.specimens import cost, picked, sizes
-from softnn.models.unit_kernel import maxwell
-from softnn.state import features
 
-BENDS, SHARED, OWN = 30, 40, 5  # functions: of an effect, of the state, of a recording
-LENGTH = 1.0  # of the functions of the state, in standard deviations of it
+BENDS, SHARED = 30, 40  # functions that bend an effect, and of the state
 LAGS = (3.0, 30.0)  # typical intervals, by which an effect may trail
 FORM = (0.0, 0.03, 0.1, 0.3)  # tau
 ELSE = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)  # a, of the largest stress
@@ -41,10 +45,10 @@ SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
 ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is
 CLASS = 0.02  # of the stress: a machine of class 2 errs no more, ISO 7500-1
-GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
-FADING = 4  # paces at which what was not written down is forgotten
 # Of columns that are nearly one products are known to rounding alone: the least works.
 ROUNDING, ROUNDED = (1e-10, 1e-9, 1e-8), 1e-12
+# Of samples, how many are off by more than noise, how many times it, and at most.
+RARE, WIDE, MOST = 0.01, 10.0, 0.03
 SEED = 1
 
 
@@ -98,24 +102,19 @@ class Weigher:
             else np.zeros((len(other), 0))
         )
         free, apart, wrong, had = scattered(found)
-        q = span(np.concatenate([free, unseen], axis=1))
         # Weights of the scatter are counted from none, not from where the fit has them.
-        residual = found.residual + had
-        residual = residual - q @ (q.T @ residual)
-        mine = np.concatenate([form, apart, wrong], axis=1)
-        across = mine.T @ other
-        gram = np.block([[mine.T @ mine, across], [across.T, products]])
-        taken = np.concatenate([q.T @ mine, q.T @ other], axis=1)
-        rounded = ROUNDED * np.diag(gram)  # what is left of large products is not exact
-        gram -= taken.T @ taken
-        gram[np.diag_indices_from(gram)] += rounded
-        right = np.concatenate([residual @ mine, residual @ other])
+        line = Linear(
+            found.residual + had,
+            np.concatenate([form, apart, wrong], axis=1),
+            other,
+            products,
+            span(np.concatenate([free, unseen], axis=1)),
+        )
         unsaid = against(found)
         there = {0: form.shape[1], APART: apart.shape[1], WRONG: wrong.shape[1]}
         widths = [*there.values(), SHARED, SHARED, self.own.shape[1]]
         kinds = np.repeat([*there, 1, 2, 3], widths)  # places in `GRIDS`
-        norm = engine.log_norm - 0.5 * len(residual) * np.log(2 * np.pi)
-        plain = norm - chosen(found) - 0.5 * float(residual @ residual)
+        norm = engine.log_norm - 0.5 * len(other) * np.log(2 * np.pi) - chosen(found)
 
         def value(scales: Sequence[float], free: bool) -> float:
             prior = (scales[0] / FORM_PRIOR) ** 2
@@ -123,8 +122,8 @@ class Weigher:
             slight = [] if free and scales[OWN_TIME] > CLASS else [scales[OWN_TIME]]
             slight += [] if free else scales[1:OWN_TIME]
             prior += sum((a / ELSE_PRIOR) ** 2 for a in slight)
-            made = gained(gram, right, np.array(scales)[kinds])
-            return plain + made - 0.5 * prior - unsaid * bool(scales[APART])
+            prior += 2 * unsaid * bool(scales[APART])
+            return norm + line.value(np.array(scales)[kinds]) - 0.5 * prior
 
         nothing = [0] * len(GRIDS)
         nothing[APART] = 2 if there[APART] else 0
@@ -136,8 +135,11 @@ class Weigher:
             wide = [*place[:OWN_TIME], more, *place[APART:]]
             tops = [climb(lambda s: value(s, True), p, moved) for p in (place, wide)]
             at, beside = max(tops, key=lambda top: top[1])
+            if line.excuse(scales_at(at)[kinds]):
+                place, alone = climb(lambda s: value(s, False), place, moved)
+                at, beside = climb(lambda s: value(s, True), at, moved)
         law = [0] * APART + place[APART:]
-        bare = value([g[i] for g, i in zip(GRIDS, law, strict=True)], False)
+        bare = value(scales_at(law).tolist(), False)
         return Evidence(
             bare,
             float(np.logaddexp(bare + np.log(EXACT), alone + np.log1p(-EXACT))),
@@ -159,6 +161,86 @@ class Weigher:
         return np.concatenate(
             [change[:, None] * self.bends, np.stack(late, axis=1)], axis=1
         )
+
+
+class Linear:
+    """A whitened residual (n,) over columns with normal weights, and over free ones.
+
+    The columns are `mine` and `other` (n, k in all), of which the `products` with
+    themselves are known; `q` (n, j) spans what is free. Some samples may be off by more
+    than noise: that its density is a mixture of a narrow and a wide normal is bounded
+    by a normal one for each sample, which touches it at what is left there (Box and
+    Tiao 1968, doi:10.1093/biomet/55.1.119; Jaakkola and Jordan 2000,
+    doi:10.1023/A:1008932416310).
+    """
+
+    def __init__(
+        self, residual: Array, mine: Array, other: Array, products: Array, q: Array
+    ) -> None:
+        self.columns, self.q = (mine, other), q
+        self.residual = residual - q @ (q.T @ residual)
+        across = mine.T @ other
+        gram = np.block([[mine.T @ mine, across], [across.T, products]])
+        self.taken = np.concatenate([q.T @ mine, q.T @ other], axis=1)
+        rounded = ROUNDED * np.diag(gram)  # what is left of large products is not exact
+        gram -= self.taken.T @ self.taken
+        gram[np.diag_indices_from(gram)] += rounded
+        right = np.concatenate([self.residual @ mine, self.residual @ other])
+        self.plain = gram, right, float(self.residual @ self.residual)
+        self.gram, self.right, self.square = self.plain
+        self.off, self.cost = np.zeros(0, int), 0.0
+
+    def value(self, scale: Array) -> float:
+        """Log evidence (but a constant) with weights (k,) of these scales."""
+        return gained(self.gram, self.right, scale) - 0.5 * self.square - self.cost
+
+    def left(self, scale: Array) -> Array:
+        """What is left (n,) beside the likeliest weights of these scales."""
+        live = np.flatnonzero(scale)
+        s, (mine, other) = scale[live], self.columns
+        inner = self.gram[np.ix_(live, live)] * np.outer(s, s)
+        inner[np.diag_indices_from(inner)] += 1 + ROUNDING[0] * np.diag(inner)
+        weight = np.zeros(len(scale))
+        weight[live] = s * np.linalg.solve(inner, self.right[live] * s)
+        made = mine @ weight[: mine.shape[1]] + other @ weight[mine.shape[1] :]
+        left = self.residual - made + self.q @ (self.q.T @ made)
+        if len(self.off):  # what they are off by, they have not from what is free
+            by = cho_solve(self.shift, left[self.off])
+            left += self.q @ (self.q[self.off].T @ by)
+        return left
+
+    def excuse(self, scale: Array) -> bool:
+        """Let samples be off that are likelier so, beside weights of these scales.
+
+        Whether there are any.
+        """
+        z = 0.5 * self.left(scale) ** 2
+        narrow = np.log1p(-RARE) - z
+        wide = np.log(RARE / WIDE) - z / WIDE**2
+        off = np.flatnonzero(wide > narrow)
+        off = off[np.argsort(-z[off], kind="stable")][: int(MOST * len(z))]
+        if not len(off):
+            return False
+        density = np.logaddexp(narrow, wide)[off]
+        share = np.exp(wide[off] - density)
+        weight = 1 - share + share / WIDE**2  # of a square, where the bound touches
+        q = self.q[off]
+        inner = np.eye(len(off)) - q @ q.T
+        inner[np.diag_indices_from(inner)] += weight / (1 - weight)
+        self.off, self.shift = off, cho_factor(inner, lower=True)
+        self.cost = float(np.sum(-density - weight * z[off]))
+        rows = np.concatenate([c[off] for c in self.columns], axis=1) - q @ self.taken
+        gram, right, square = self.plain
+        freed = cho_solve(self.shift, np.column_stack([rows, self.residual[off]]))
+        self.gram = gram - rows.T @ freed[:, :-1]
+        self.right = right - rows.T @ freed[:, -1]
+        self.square = square - float(self.residual[off] @ freed[:, -1])
+        return True
+
+
+def scales_at(place: Sequence[int]) -> Array:
+    """Scales at a point of `GRIDS`."""
+    return np.array([g[i] for g, i in zip(GRIDS, place, strict=True)])
 
 
 def climb(
@@ -292,95 +374,4 @@ def changes(engine: Engine, found: Fit) -> list[Array]:
         rest = tuple(p for j, p in enumerate(found.guess.pieces) if j != i)
         without, _ = engine.run(replace(found.guess, pieces=rest), False)
         out.append(found.stress - without)
-    return out
-
-
-def states(engine: Engine) -> Array:
-    """State of each sample (valid, features), each of mean 0 and deviation 1.
-
-    Strain and its history, rate and times as `softnn.state` has them; temperature; and
-    the place of the recording among all.
-    """
-    count = len(engine.chunks)
-    warm = all(c.temperature_C is not None for c in engine.chunks)
-    rows = []
-    for r, chunk in enumerate(engine.chunks):
-        own = features(chunk, warm=warm)
-        rows.append(np.column_stack([own, np.full(len(own), r / count)]))
-    x = np.concatenate(rows)[engine.valid]
-    spread = x.std(axis=0)
-    live = spread > 1e-9 * (np.abs(x).max(axis=0) + 1e-300)
-    return (x[:, live] - x[:, live].mean(axis=0)) / spread[live]
-
-
-def fourier(x: Array, count: int, rng: np.random.Generator) -> Array:
-    """Random smooth functions (n, count) of states; sums of them have variance one.
-
-    Each is of one feature of the state, or of two: laws bend by few things at a time,
-    and functions of all at once are too many to be met by a few (Duvenaud, Nickisch and
-    Rasmussen 2011, additive Gaussian processes).
-    """
-    wave = rng.standard_normal((x.shape[1], count)) / LENGTH
-    of = np.zeros(wave.shape, bool)
-    for j in range(count):
-        of[rng.permutation(x.shape[1])[: 1 + j % 2], j] = True
-    phase = rng.uniform(0, 2 * np.pi, count)
-    return np.cos(x @ (wave * of) + phase) * np.sqrt(2 / count)
-
-
-def by_recording(engine: Engine) -> Array:
-    """Smooth functions (valid, k) of the time of each recording, the others zero.
-
-    None is constant: that is an offset, which has a name.
-    """
-    out = np.zeros((len(engine.target), OWN * len(engine.chunks)))
-    for r, chunk in enumerate(engine.chunks):
-        known = np.isfinite(engine.data.stress_MPa[r])
-        time = chunk.time_s[known] - chunk.time_s[0]
-        share = time / max(float(np.ptp(chunk.time_s)), 1e-300)
-        half = 1 + np.arange(OWN)  # periods
-        waves = np.cos(np.pi * np.outer(share, half))
-        rows = engine.owner == r
-        out[rows, OWN * r : OWN * (r + 1)] = waves / (1 + half)
-    return out
-
-
-def unwritten(engine: Engine, base: Fit) -> Array:
-    """What nobody wrote down (valid, k): any memory of branches after a gap or a pause.
-
-    What strain a specimen saw in a gap of time, or before a recording that goes on from
-    another, is not known; what it left fades at the paces of the branches of the base.
-    """
-    units = base.guess.units
-    live = base.guess.stiffness[units.segments :] > 0
-    paces = np.array(units.relaxation_times)[live]
-    if len(paces) > FADING:
-        paces = paces[np.linspace(0, len(paces) - 1, FADING).round().astype(int)]
-    clock = np.concatenate([c.time_s for c in engine.chunks])[engine.valid]
-    out = [np.zeros((len(clock), 0))]
-    for r, chunk in enumerate(engine.chunks):
-        time = chunk.time_s
-        step = np.diff(time)
-        gaps = np.flatnonzero(step > GAP * np.median(step)) + 1
-        begins = list(time[gaps[np.argsort(-step[gaps - 1])][:MOST_GAPS]])
-        begins += [time[0]] if engine.data.continued and r else []
-        # What is carried on is carried through the recordings that follow, too.
-        own = engine.owner >= r if engine.data.continued else engine.owner == r
-        for begin in begins:
-            since = (clock - begin)[:, None]
-            fading = np.exp(-np.maximum(since, 0.0) / paces)
-            out.append(fading * ((since >= 0) & own[:, None]))
-    return np.concatenate(out, axis=1)
-
-
-def trailing(x: Array, time: Array, owner: NDArray[np.integer], lag_s: float) -> Array:
-    """x (valid,) low-passed within each recording, at its typical interval."""
-    out = np.empty_like(x)
-    for r in np.unique(owner):
-        own = owner == r
-        step = float(np.median(np.diff(time[own]))) if own.sum() > 1 else lag_s
-        keep = float(np.exp(-max(step, 1e-12) / max(lag_s, 1e-12)))
-        decay, one = np.full((own.sum(), 1), keep), np.empty((own.sum(), 1))
-        maxwell(decay, 1 - decay, x[own], x[own][:1], one)
-        out[own] = one[:, 0]
     return out
