@@ -8,7 +8,8 @@ the form error. v, normal with scale a, is the discrepancy: whatever else there 
 smooth in the state or in the time of single recordings (Kennedy and O'Hagan 2001,
 doi:10.1111/1467-9868.00294). Smooth functions are random Fourier features (Rahimi and
 Recht 2007). Numbers that the fit leaves free are projected out, w and v are integrated
-out exactly; of tau and a the best of a few values counts, with its prior.
+out exactly; of tau and a the best of a few values counts, with its prior. The noise has
+heavy tails: see `Linear`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
@@ -116,14 +118,18 @@ class Weigher:
         kinds = np.repeat([*there, 1, 2, 3], widths)  # places in `GRIDS`
         norm = engine.log_norm - 0.5 * len(other) * np.log(2 * np.pi) - chosen(found)
 
-        def value(scales: Sequence[float], free: bool) -> float:
+        def value(scales: Array, free: bool) -> float:
             prior = (scales[0] / FORM_PRIOR) ** 2
             prior += (scales[APART] / SCATTER_PRIOR) ** 2
             slight = [] if free and scales[OWN_TIME] > CLASS else [scales[OWN_TIME]]
-            slight += [] if free else scales[1:OWN_TIME]
+            slight += [] if free else [*scales[1:OWN_TIME]]
             prior += sum((a / ELSE_PRIOR) ** 2 for a in slight)
             prior += 2 * unsaid * bool(scales[APART])
-            return norm + line.value(np.array(scales)[kinds]) - 0.5 * prior
+            return norm + line.value(scales[kinds]) - 0.5 * prior
+
+        def freely(*starts: Sequence[int]) -> tuple[list[int], float]:
+            tops = [climb(lambda s: value(s, True), p, moved) for p in starts]
+            return max(tops, key=lambda top: top[1])
 
         nothing = [0] * len(GRIDS)
         nothing[APART] = 2 if there[APART] else 0
@@ -133,13 +139,12 @@ class Weigher:
         if whole:
             more = sum(a <= CLASS for a in GRIDS[OWN_TIME][:-1])  # than a machine has
             wide = [*place[:OWN_TIME], more, *place[APART:]]
-            tops = [climb(lambda s: value(s, True), p, moved) for p in (place, wide)]
-            at, beside = max(tops, key=lambda top: top[1])
-            if line.excuse(scales_at(at)[kinds]):
+            at, beside = freely(place, wide)
+            if len(line.excuse(scales_at(at)[kinds])):
                 place, alone = climb(lambda s: value(s, False), place, moved)
-                at, beside = climb(lambda s: value(s, True), at, moved)
+                at, beside = freely(place, at)
         law = [0] * APART + place[APART:]
-        bare = value(scales_at(law).tolist(), False)
+        bare = value(scales_at(law), False)
         return Evidence(
             bare,
             float(np.logaddexp(bare + np.log(EXACT), alone + np.log1p(-EXACT))),
@@ -185,10 +190,10 @@ class Linear:
         rounded = ROUNDED * np.diag(gram)  # what is left of large products is not exact
         gram -= self.taken.T @ self.taken
         gram[np.diag_indices_from(gram)] += rounded
-        right = np.concatenate([self.residual @ mine, self.residual @ other])
-        self.plain = gram, right, float(self.residual @ self.residual)
-        self.gram, self.right, self.square = self.plain
-        self.off, self.cost = np.zeros(0, int), 0.0
+        self.gram = gram
+        self.right = np.concatenate([self.residual @ mine, self.residual @ other])
+        self.square = float(self.residual @ self.residual)
+        self.cost = 0.0  # of the samples that are off
 
     def value(self, scale: Array) -> float:
         """Log evidence (but a constant) with weights (k,) of these scales."""
@@ -203,16 +208,12 @@ class Linear:
         weight = np.zeros(len(scale))
         weight[live] = s * np.linalg.solve(inner, self.right[live] * s)
         made = mine @ weight[: mine.shape[1]] + other @ weight[mine.shape[1] :]
-        left = self.residual - made + self.q @ (self.q.T @ made)
-        if len(self.off):  # what they are off by, they have not from what is free
-            by = cho_solve(self.shift, left[self.off])
-            left += self.q @ (self.q[self.off].T @ by)
-        return left
+        return self.residual - made + self.q @ (self.q.T @ made)
 
-    def excuse(self, scale: Array) -> bool:
+    def excuse(self, scale: Array) -> NDArray[np.integer]:
         """Let samples be off that are likelier so, beside weights of these scales.
 
-        Whether there are any.
+        Those samples, by index; to be asked once.
         """
         z = 0.5 * self.left(scale) ** 2
         narrow = np.log1p(-RARE) - z
@@ -220,22 +221,21 @@ class Linear:
         off = np.flatnonzero(wide > narrow)
         off = off[np.argsort(-z[off], kind="stable")][: int(MOST * len(z))]
         if not len(off):
-            return False
+            return off
         density = np.logaddexp(narrow, wide)[off]
         share = np.exp(wide[off] - density)
         weight = 1 - share + share / WIDE**2  # of a square, where the bound touches
         q = self.q[off]
         inner = np.eye(len(off)) - q @ q.T
         inner[np.diag_indices_from(inner)] += weight / (1 - weight)
-        self.off, self.shift = off, cho_factor(inner, lower=True)
+        shift = cho_factor(inner, lower=True)
         self.cost = float(np.sum(-density - weight * z[off]))
         rows = np.concatenate([c[off] for c in self.columns], axis=1) - q @ self.taken
-        gram, right, square = self.plain
-        freed = cho_solve(self.shift, np.column_stack([rows, self.residual[off]]))
-        self.gram = gram - rows.T @ freed[:, :-1]
-        self.right = right - rows.T @ freed[:, -1]
-        self.square = square - float(self.residual[off] @ freed[:, -1])
-        return True
+        freed = cho_solve(shift, np.column_stack([rows, self.residual[off]]))
+        self.gram -= rows.T @ freed[:, :-1]
+        self.right -= rows.T @ freed[:, -1]
+        self.square -= float(self.residual[off] @ freed[:, -1])
+        return off
 
 
 def scales_at(place: Sequence[int]) -> Array:
@@ -244,7 +244,7 @@ def scales_at(place: Sequence[int]) -> Array:
 
 
 def climb(
-    value: Callable[[Sequence[float]], float],
+    value: Callable[[Array], float],
     start: Sequence[int],
     moved: Sequence[int],
 ) -> tuple[list[int], float]:
@@ -257,7 +257,7 @@ def climb(
     def at(place: Sequence[int]) -> float:
         key = tuple(place)
         if key not in known:
-            known[key] = value([g[i] for g, i in zip(GRIDS, key, strict=True)])
+            known[key] = value(scales_at(key))
         return known[key]
 
     place = list(start)
