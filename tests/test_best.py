@@ -86,15 +86,49 @@ def retrained(path: Path, use: str, parts: dict[str, slice]):
     content, trainer = end_kept(path)
     end = content["ends"][use]
     chosen = {k: end[k] for k in ("inputs", "neurons", "regularisation", "lag_s")}
-    return end, trainer.judge_parts(chosen, parts)
+    found = trainer.judge_parts(chosen, parts)
+    return end, found, lambda: _rounded(trainer, chosen, parts)
+
+
+def _rounded(trainer: Trainer, chosen: dict, parts: dict[str, slice]):
+    """The same judged again and again, each time with targets moved by rounding."""
+    exact = trainer.samples
+    with pytest.MonkeyPatch.context() as patch:
+        for seed in range(8):
+            rng = np.random.default_rng(seed)
+
+            def moved(inputs, lag_s=None, rng=rng):
+                known = exact(inputs, lag_s)
+                relative = 1e-13 * rng.standard_normal(known.target.shape)
+                return replace(known, target=known.target * (1 + relative))
+
+            patch.setattr(trainer, "samples", moved)
+            yield trainer.judge_parts(chosen, parts)
+
+
+def hold(split: str, found, again, expected, relative: float) -> None:
+    """A fold is off by no more than `relative`, or than rounding is seen to move it.
+
+    A training that has not settled when it ends is another on another processor: there
+    the kept figure has to lie within what copies of it reach that differ by rounding.
+    """
+
+    def off(low, high):
+        near = np.clip(expected, low, high)
+        return np.abs(near - expected) > relative * np.abs(expected)
+
+    got = np.array(found[split]["nrmse"])
+    if off(got, got).any():
+        got = np.array([got, *(one[split]["nrmse"] for one in again())])
+        wrong = off(got.min(axis=0), got.max(axis=0))
+        assert not wrong.any(), (got[:, wrong], np.asarray(expected)[wrong])
 
 
 @pytest.mark.parametrize("use", ["random", "unseen"])
 @pytest.mark.parametrize("path", ENDS, ids=lambda path: path.stem)
 def test_a_fold_of_an_end(path, use):
-    end, found = retrained(path, use, {"random": slice(0, 1)})
-    expected = end["folds_random"][:1]
-    assert found["random"]["nrmse"] == pytest.approx(expected, rel=RELATIVE)
+    end, found, again = retrained(path, use, {"random": slice(0, 1)})
+    hold("random", found, again, end["folds_random"][:1], RELATIVE)
 
 
 @pytest.mark.slow
@@ -103,8 +137,18 @@ def test_a_fold_of_an_end(path, use):
 def test_every_fold_of_an_end(path, use):
     unseen = end_kept(path)[0]["unseen"]
     parts = {unseen: slice(None), "random": slice(None)}
-    end, found = retrained(path, use, parts)
-    expected = end["folds_random"]
-    assert found["random"]["nrmse"] == pytest.approx(expected, rel=RELATIVE)
-    known = dict(zip(found[unseen]["folds"], found[unseen]["nrmse"], strict=True))
-    assert known == pytest.approx(end["folds_unseen"], rel=RELATIVE_UNSEEN)
+    end, found, again = retrained(path, use, parts)
+    hold("random", found, again, end["folds_random"], RELATIVE)
+    assert set(found[unseen]["folds"]) == set(end["folds_unseen"])
+    expected = [end["folds_unseen"][name] for name in found[unseen]["folds"]]
+    hold(unseen, found, again, expected, RELATIVE_UNSEEN)
+
+
+def test_what_differs_by_more_than_rounding_does_not_hold():
+    found = {"random": {"nrmse": [0.020]}}
+    moved = [{"random": {"nrmse": [v]}} for v in (0.019, 0.021)]
+    hold("random", found, lambda: moved, [0.0192], RELATIVE)
+    with pytest.raises(AssertionError):
+        hold("random", found, lambda: moved, [0.0186], RELATIVE)
+    with pytest.raises(AssertionError):
+        hold("random", found, lambda: [found], [0.0192], RELATIVE)
