@@ -12,8 +12,9 @@ from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import evidence
 from softnn.mismatch.discrepancy import trailing
-from softnn.mismatch.evidence import RARE, WIDE, Linear, Weigher, changes, climb, gained
+from softnn.mismatch.evidence import Linear, Weigher, changes, climb, gained
 from softnn.mismatch.specimens import UNSAID
+from softnn.mismatch.tails import RARE, WIDE, shares
 from softnn.models.units import Units
 
 HOOKE = Units("hooke", (0.0, 1.0))
@@ -285,26 +286,34 @@ def lines(seed=0, k=(3, 4), free=2, off=(7, 31)):
     return residual, mine, other, q
 
 
-def mixture(z):
-    """Log density of half a square, over that of a normal at none."""
-    wide = np.log(RARE / WIDE) - z / WIDE**2
-    return np.logaddexp(np.log1p(-RARE) - z, wide)
+BEGINS = np.arange(N) == 0  # all of one recording
+
+
+def linear(residual, mine, other, q):
+    return Linear(residual, mine, other, other.T @ other, q, BEGINS)
+
+
+def odds(z, off):
+    """Log odds of those that are off to be so, over that none is."""
+    may = np.full(N, -np.inf)
+    may[off] = z
+    return shares(may, BEGINS)[1]
 
 
 def test_samples_that_are_off_cost_what_their_mixture_says():
     residual, *_ = lines()
     none = np.zeros((N, 0))
-    line = Linear(residual, none, none, none.T @ none, none)
+    line = linear(residual, none, none, none)
     plain = line.value(np.zeros(0))
     assert plain == pytest.approx(-0.5 * residual @ residual)
     assert list(line.excuse(np.zeros(0))) == [7]  # one in thirty-three may be
-    z = 0.5 * residual[7] ** 2
-    assert line.value(np.zeros(0)) == pytest.approx(plain + z + mixture(z))
+    z = 0.5 * residual[[7]] ** 2
+    assert line.value(np.zeros(0)) == pytest.approx(plain + odds(z, [7]))
 
 
 def test_nothing_is_off_in_noise():
     residual, mine, other, q = lines(off=())
-    line = Linear(residual, mine, other, other.T @ other, q)
+    line = linear(residual, mine, other, q)
     before = line.value(np.ones(7))
     assert not len(line.excuse(np.ones(7)))
     assert line.value(np.ones(7)) == before
@@ -315,7 +324,7 @@ def test_what_is_off_weighs_less_beside_columns_and_what_is_free(monkeypatch, se
     monkeypatch.setattr(evidence, "MOST", 0.05)
     residual, mine, other, q = lines(seed)
     scale = np.array([0.5, 0.0, 2.0, 1.0, 0.3, 0.0, 1.5])
-    line = Linear(residual, mine, other, other.T @ other, q)
+    line = linear(residual, mine, other, q)
     first = line.left(scale)
     plain, live = np.hstack([mine, other]) * scale, scale > 0
     plain -= q @ (q.T @ plain)
@@ -327,15 +336,16 @@ def test_what_is_off_weighs_less_beside_columns_and_what_is_free(monkeypatch, se
     assert sorted(off) == [7, 31]
     # By hand: rows by the root of their weight, all anew.
     z = 0.5 * first[off] ** 2
-    step = 1e-6 * z
     weight = np.ones(N)
-    weight[off] = (mixture(z - step) - mixture(z + step)) / (2 * step)
+    for k, i in enumerate(off):
+        step = 1e-6 * z[k] * (off == i)
+        weight[i] -= (odds(z + step, off) - odds(z - step, off)) / (2 * step[k])
     root = np.sqrt(weight)
     x, free = np.hstack([mine, other]) * root[:, None], q * root[:, None]
     apart = np.eye(N) - free @ np.linalg.pinv(free)
     y, x = apart @ (residual * root), apart @ x
     made = gained(x.T @ x, x.T @ y, scale) - 0.5 * y @ y
-    cost = np.sum(-mixture(z) - weight[off] * z)
+    cost = np.sum((1 - weight[off]) * z) - odds(z, off)
     assert line.value(scale) == pytest.approx(made - cost, rel=1e-6)
 
 
@@ -343,16 +353,14 @@ def test_it_is_less_than_what_the_mixture_would_make_it():
     """Of one column its weight can be integrated out as it is."""
     residual, mine, _, _ = lines(k=(1, 1))
     none = np.zeros((N, 0))
-    line = Linear(residual, mine, none, none.T @ none, none)
+    line = linear(residual, mine, none, none)
     off = line.excuse(np.array([0.5]))
     assert len(off)
 
     def density(weight):
         z = 0.5 * (residual - weight * mine[:, 0]) ** 2
-        one = -z
-        one[off] = mixture(z[off])
         prior = -0.5 * (weight / 0.5) ** 2 - np.log(0.5 * np.sqrt(2 * np.pi))
-        return np.exp(one.sum() + prior + 60)
+        return np.exp(odds(z[off], off) - z.sum() + prior + 60)
 
     exact = np.log(quad(density, -3, 3, points=[0])[0]) - 60
     assert exact - 0.1 < line.value(np.array([0.5])) <= exact + 1e-9

@@ -32,6 +32,7 @@ from softnn.mismatch.discrepancy import (
     unwritten,
 )
 from softnn.mismatch.specimens import cost, picked, sizes
+from softnn.mismatch.tails import WIDE, shares
 
 BENDS, SHARED = 30, 40  # functions that bend an effect, and of the state
 LAGS = (3.0, 30.0)  # typical intervals, by which an effect may trail
@@ -49,8 +50,7 @@ ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is
 CLASS = 0.02  # of the stress: a machine of class 2 errs no more, ISO 7500-1
 # Of columns that are nearly one products are known to rounding alone: the least works.
 ROUNDING, ROUNDED = (1e-10, 1e-9, 1e-8), 1e-12
-# Of samples, how many are off by more than noise, how many times it, and at most.
-RARE, WIDE, MOST = 0.01, 10.0, 0.03
+MOST = 0.03  # of samples, that may be off by more than noise
 SEED = 1
 
 
@@ -111,6 +111,7 @@ class Weigher:
             other,
             products,
             span(np.concatenate([free, unseen], axis=1)),
+            np.diff(engine.owner, prepend=-1) != 0,
         )
         unsaid = against(found)
         there = {0: form.shape[1], APART: apart.shape[1], WRONG: wrong.shape[1]}
@@ -180,9 +181,15 @@ class Linear:
     """
 
     def __init__(
-        self, residual: Array, mine: Array, other: Array, products: Array, q: Array
+        self,
+        residual: Array,
+        mine: Array,
+        other: Array,
+        products: Array,
+        q: Array,
+        begins: NDArray[np.bool_],
     ) -> None:
-        self.columns, self.q = (mine, other), q
+        self.columns, self.q, self.begins = (mine, other), q, begins
         self.residual = residual - q @ (q.T @ residual)
         across = mine.T @ other
         gram = np.block([[mine.T @ mine, across], [across.T, products]])
@@ -216,20 +223,21 @@ class Linear:
         Those samples, by index; to be asked once.
         """
         z = 0.5 * self.left(scale) ** 2
-        narrow = np.log1p(-RARE) - z
-        wide = np.log(RARE / WIDE) - z / WIDE**2
-        off = np.flatnonzero(wide > narrow)
-        off = off[np.argsort(-z[off], kind="stable")][: int(MOST * len(z))]
+        share, _ = shares(z, self.begins)
+        off = np.flatnonzero(share > 0.5)
+        off = np.sort(off[np.argsort(-z[off], kind="stable")][: int(MOST * len(z))])
         if not len(off):
             return off
-        density = np.logaddexp(narrow, wide)[off]
-        share = np.exp(wide[off] - density)
-        weight = 1 - share + share / WIDE**2  # of a square, where the bound touches
+        can = np.full(len(z), -np.inf)
+        can[off] = z[off]
+        share, odds = shares(can, self.begins)
+        less = share[off] * (1 - WIDE**-2)  # of a square, where the bound touches
+        weight = 1 - less
         q = self.q[off]
         inner = np.eye(len(off)) - q @ q.T
         inner[np.diag_indices_from(inner)] += weight / (1 - weight)
         shift = cho_factor(inner, lower=True)
-        self.cost = float(np.sum(-density - weight * z[off]))
+        self.cost = float(less @ z[off]) - odds
         rows = np.concatenate([c[off] for c in self.columns], axis=1) - q @ self.taken
         freed = cho_solve(shift, np.column_stack([rows, self.residual[off]]))
         self.gram -= rows.T @ freed[:, :-1]

@@ -1,0 +1,54 @@
+"""Samples that are off by more than noise: rare, and seldom alone.
+
+Noise that is whitened is normal of unit width, or `WIDE` times as wide in the `RARE`
+sample that is off; after one that is the next is off with probability `STAY`: what is
+wrong at a corner is so for some samples. A chain of two states (Baum et al. 1970,
+doi:10.1214/aoms/1177697196).
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from softnn.contracts import Array
+
+RARE, WIDE, STAY = 0.01, 10.0, 0.7
+
+
+def shares(half_squares: Array, begins: np.ndarray) -> tuple[Array, float]:
+    """Probability (n,) of each sample to be off, and log odds against that none is.
+
+    `half_squares` (n,) of whitened samples, -inf for one that cannot be off; `begins`
+    (n,) where a recording does.
+    """
+    ratio = half_squares * (1 - WIDE**-2) - np.log(WIDE)
+    enter = RARE * (1 - STAY) / (1 - RARE)
+    share, odds = _chain(ratio, begins, RARE, enter, STAY)
+    return share, float(odds)
+
+
+@numba.njit(cache=True)
+def _chain(ratio, begins, first, enter, stay):
+    n = len(ratio)
+    ahead = np.empty(n)  # log odds of being off, given all until there
+    total = 0.0
+    for i in range(n):
+        if begins[i]:
+            off, none = first, 1 - first
+        else:
+            p = 1 / (1 + np.exp(-ahead[i - 1]))
+            off, none = p * stay + (1 - p) * enter, 1 - enter
+        ahead[i] = np.log(off) - np.log1p(-off) + ratio[i]
+        total += np.log1p(-off) + np.logaddexp(0.0, ahead[i]) - np.log(none)
+    share = np.empty(n)
+    behind = 0.0  # log odds of all that follows
+    for i in range(n - 1, -1, -1):
+        share[i] = 1 / (1 + np.exp(-ahead[i] - behind))
+        if begins[i]:
+            behind = 0.0
+        else:
+            next_ = ratio[i] + behind
+            behind = np.logaddexp(np.log(stay) + next_, np.log(1 - stay))
+            behind -= np.logaddexp(np.log(enter) + next_, np.log(1 - enter))
+    return share, total
