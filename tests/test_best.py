@@ -113,15 +113,17 @@ def hold(split: str, found, again, expected, relative: float) -> None:
     the kept figure has to lie within what copies of it reach that differ by rounding.
     """
 
-    def off(low, high):
-        near = np.clip(expected, low, high)
-        return np.abs(near - expected) > relative * np.abs(expected)
+    kept = np.array(expected)
+
+    def off(low, high):  # an error that is no number is off
+        return ~(np.abs(np.clip(kept, low, high) - kept) <= relative * np.abs(kept))
 
     got = np.array(found[split]["nrmse"])
+    assert got.shape == kept.shape
     if off(got, got).any():
         got = np.array([got, *(one[split]["nrmse"] for one in again())])
         wrong = off(got.min(axis=0), got.max(axis=0))
-        assert not wrong.any(), (got[:, wrong], np.asarray(expected)[wrong])
+        assert not wrong.any(), (got[:, wrong], kept[wrong])
 
 
 @pytest.mark.parametrize("use", ["random", "unseen"])
@@ -152,3 +154,8 @@ def test_what_differs_by_more_than_rounding_does_not_hold():
         hold("random", found, lambda: moved, [0.0186], RELATIVE)
     with pytest.raises(AssertionError):
         hold("random", found, lambda: [found], [0.0192], RELATIVE)
+    nothing = {"random": {"nrmse": [np.nan]}}
+    with pytest.raises(AssertionError):
+        hold("random", nothing, lambda: moved, [0.0192], RELATIVE)
+    with pytest.raises(AssertionError):  # a fold is missing
+        hold("random", found, lambda: moved, [0.02, 0.02], RELATIVE)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.stats import multivariate_normal
 
 from softnn.contracts import Chunk
@@ -12,9 +11,8 @@ from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import evidence
 from softnn.mismatch.discrepancy import trailing
-from softnn.mismatch.evidence import Linear, Weigher, changes, climb, gained
+from softnn.mismatch.evidence import Weigher, changes, climb, gained
 from softnn.mismatch.specimens import UNSAID
-from softnn.mismatch.tails import RARE, WIDE, shares
 from softnn.models.units import Units
 
 HOOKE = Units("hooke", (0.0, 1.0))
@@ -274,116 +272,3 @@ def test_what_wanders_more_than_a_machine_is_something_else(monkeypatch):
         )
         told = weigher.weigh(there)
         assert (told.beside - told.alone > quiet.beside - quiet.alone + 20) == seen
-
-
-def lines(seed=0, k=(3, 4), free=2, off=(7, 31)):
-    """A residual, two of it off by more than noise, its columns, and what is free."""
-    rng = np.random.default_rng(seed)
-    residual = rng.standard_normal(N)
-    residual[list(off)] += 9.0
-    mine, other = (rng.standard_normal((N, n)) for n in k)
-    q = np.linalg.qr(rng.standard_normal((N, free)))[0] if free else np.zeros((N, 0))
-    return residual, mine, other, q
-
-
-BEGINS = np.arange(N) == 0  # all of one recording
-
-
-def linear(residual, mine, other, q):
-    return Linear(residual, mine, other, other.T @ other, q, BEGINS)
-
-
-def odds(z, off):
-    """Log odds of those that are off to be so, over that none is."""
-    may = np.full(N, -np.inf)
-    may[off] = z
-    return shares(may, BEGINS)[1]
-
-
-def test_samples_that_are_off_cost_what_their_mixture_says():
-    residual, *_ = lines()
-    none = np.zeros((N, 0))
-    line = linear(residual, none, none, none)
-    plain = line.value(np.zeros(0))
-    assert plain == pytest.approx(-0.5 * residual @ residual)
-    assert list(line.excuse(np.zeros(0))) == [7]  # one in thirty-three may be
-    z = 0.5 * residual[[7]] ** 2
-    assert line.value(np.zeros(0)) == pytest.approx(plain + odds(z, [7]))
-
-
-def test_nothing_is_off_in_noise():
-    residual, mine, other, q = lines(off=())
-    line = linear(residual, mine, other, q)
-    before = line.value(np.ones(7))
-    assert not len(line.excuse(np.ones(7)))
-    assert line.value(np.ones(7)) == before
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_what_is_off_weighs_less_beside_columns_and_what_is_free(monkeypatch, seed):
-    monkeypatch.setattr(evidence, "MOST", 0.05)
-    residual, mine, other, q = lines(seed)
-    scale = np.array([0.5, 0.0, 2.0, 1.0, 0.3, 0.0, 1.5])
-    line = linear(residual, mine, other, q)
-    first = line.left(scale)
-    plain, live = np.hstack([mine, other]) * scale, scale > 0
-    plain -= q @ (q.T @ plain)
-    y = residual - q @ (q.T @ residual)
-    inner = plain[:, live].T @ plain[:, live] + np.eye(live.sum())
-    best = np.linalg.solve(inner, plain[:, live].T @ y)
-    np.testing.assert_allclose(first, y - plain[:, live] @ best, atol=1e-6)
-    off = line.excuse(scale)
-    assert sorted(off) == [7, 31]
-    # By hand: rows by the root of their weight, all anew.
-    z = 0.5 * first[off] ** 2
-    weight = np.ones(N)
-    for k, i in enumerate(off):
-        step = 1e-6 * z[k] * (off == i)
-        weight[i] -= (odds(z + step, off) - odds(z - step, off)) / (2 * step[k])
-    root = np.sqrt(weight)
-    x, free = np.hstack([mine, other]) * root[:, None], q * root[:, None]
-    apart = np.eye(N) - free @ np.linalg.pinv(free)
-    y, x = apart @ (residual * root), apart @ x
-    made = gained(x.T @ x, x.T @ y, scale) - 0.5 * y @ y
-    cost = np.sum((1 - weight[off]) * z) - odds(z, off)
-    assert line.value(scale) == pytest.approx(made - cost, rel=1e-6)
-
-
-def test_it_is_less_than_what_the_mixture_would_make_it():
-    """Of one column its weight can be integrated out as it is."""
-    residual, mine, _, _ = lines(k=(1, 1))
-    none = np.zeros((N, 0))
-    line = linear(residual, mine, none, none)
-    off = line.excuse(np.array([0.5]))
-    assert len(off)
-
-    def density(weight):
-        z = 0.5 * (residual - weight * mine[:, 0]) ** 2
-        prior = -0.5 * (weight / 0.5) ** 2 - np.log(0.5 * np.sqrt(2 * np.pi))
-        return np.exp(odds(z[off], off) - z.sum() + prior + 60)
-
-    exact = np.log(quad(density, -3, 3, points=[0])[0]) - 60
-    assert exact - 0.1 < line.value(np.array([0.5])) <= exact + 1e-9
-
-
-def test_a_spike_is_no_reason_for_a_law():
-    """What a law gains by three samples that are far off, and what by all of them."""
-    made = engine(memory=())
-    strain = np.concatenate([c.strain for c in made.chunks])
-    noise = made.target - 2 * strain
-
-    def gains(extra):
-        made.target = 2 * strain + noise + extra
-        base = fit(made, Guess(HOOKE, np.array([2.0])), fixed_base=True)
-        law = replace(base, stress=base.stress + extra, residual=made.whiten(noise))
-        weigher = Weigher(made, base)
-        before, after = weigher.weigh(base), weigher.weigh(law)
-        assert before.beside > before.bare - 1
-        return np.array(
-            [getattr(after, k) - getattr(before, k) for k in ("bare", "alone")]
-        )
-
-    few = np.where(np.isin(np.arange(2 * N), (20, 21, 22)), 12 * SIGMA, 0.0)
-    spread = few.sum() / np.sqrt(3 * 2 * N) * np.ones(2 * N)  # as large a square
-    assert (gains(few) < 3 * (np.log(WIDE / RARE) + 2)).all()
-    assert gains(spread)[0] > 3 * gains(few)[0]
