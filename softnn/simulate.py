@@ -91,7 +91,7 @@ def measured(
             signal, m[key] = term.effect.after(values[i], signal, m.get(key))
     assert signal.equilibrium is not None  # set by the caller
     assert signal.branches is not None
-    signal = replace(signal, stress=signal.equilibrium + signal.branches)
+    signal = signal.having(stress=signal.equilibrium + signal.branches)
     for i, term in enumerate(terms):
         if term.effect.stage == "sensor":
             key = (i, "after")
@@ -150,8 +150,7 @@ def simulate(
         values = [own[r] for own in every]
         signal = reach(terms, values, chunk, memory)
         springs, branches, state = units.respond(to_model(signal), state)
-        signal = replace(
-            signal,
+        signal = signal.having(
             equilibrium=(springs @ k[: units.segments])[:, None],
             branches=(branches @ k[units.segments :])[:, None],
         )

@@ -2,11 +2,9 @@ r"""Stiffness that falls with the number of cycles."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import cycles
 
 BAND = 0.05  # a way back of less than this share of the largest strain is no reversal
@@ -70,8 +68,7 @@ class CyclicSoftening(Effect):
         number, state = self.count(p, signal, state)
         lost = p["loss"] * self.grown(p, number)
         spring, branches = self.shares(p)
-        new = replace(
-            signal,
+        new = signal.having(
             equilibrium=signal.equilibrium * np.maximum(1 - spring * lost, 0.05),
             branches=signal.branches * np.maximum(1 - branches * lost, 0.05),
         )
@@ -100,7 +97,7 @@ class TravelSoftening(CyclicSoftening):
 
     def count(self, p, signal, state):
         last, travel, low, high = (0.0, 0.0, 0.0, 0.0) if state is None else state
-        step = np.abs(np.diff(signal.strain, axis=0, prepend=last))
+        step = np.abs(increments(signal.strain, last))
         travel = travel + np.cumsum(step, axis=0)
         low = np.minimum.accumulate(np.minimum(signal.strain, low))
         high = np.maximum.accumulate(np.maximum(signal.strain, high))

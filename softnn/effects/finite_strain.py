@@ -52,13 +52,12 @@ class FiniteStrain(Effect):
         true = np.log(np.maximum(1 + engineering, 1e-3))
         strain = _measure(true, 1 - p["amount"])
         strain = np.where(p["amount"] == 0, engineering, strain)
-        return replace(signal, branch_strain=strain), None
+        return signal.having(branch_strain=strain), None
 
     def after(self, p, signal, state):
         stretch = np.maximum(1 + signal.strain, 1e-3)
         return (
-            replace(
-                signal,
+            signal.having(
                 branches=signal.branches * stretch ** -(p["amount"] * p["section"]),
             ),
             None,
@@ -100,7 +99,7 @@ class StretchedBranches(FiniteStrain):
         q = np.clip(signal.branches / modulus, -FARTHEST, FARTHEST)
         rubber = (np.expm1(2 * safe * q) - np.expm1(-safe * q)) / (3 * safe)
         bent = np.where(kappa > 0, modulus * rubber, signal.branches)
-        return super().after(p, replace(signal, branches=bent), state)
+        return super().after(p, signal.having(branches=bent), state)
 
     def starts(self, scales):
         modulus = scales.stress_MPa / scales.strain
@@ -141,7 +140,7 @@ class DirectedBranches(FiniteStrain):
             (2 / 3 * share * np.exp((n - 1) * now), _measure(felt, m)),
             (-2 / 3 * share * np.exp(-(n / 2 + 1) * now), _measure(-felt / 2, m)),
         )
-        return replace(signal, branch_parts=parts), None
+        return signal.having(branch_parts=parts), None
 
     def starts(self, scales):
         return [
@@ -177,12 +176,12 @@ class MaterialBranches(FiniteStrain):
         e, share = signal.branch_strain, p["amount"]
         rubber = -np.expm1(-3 * np.log(np.maximum(1 + e, THINNEST))) / 3
         both = (1 - share) * e + share * rubber
-        return replace(signal, branch_strain=both), None
+        return signal.having(branch_strain=both), None
 
     def after(self, p, signal, state):
         stretch = np.maximum(1 + signal.strain, THINNEST)
         new = signal.branches * stretch ** p["amount"]
-        return replace(signal, branches=new), None
+        return signal.having(branches=new), None
 
     def starts(self, scales):
         return [{"amount": k} for k in (0.7, 0.2)]

@@ -3,11 +3,10 @@ r"""Rate-independent friction inside the material or against the rig."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import cycles
 
 # Radii of the stop elements, in units of the presliding strain.
@@ -73,7 +72,7 @@ class FrictionHysteresis(Effect):
         from softnn.effects._kernels import stops
 
         last, carried = (0.0, None) if state is None else state
-        increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
+        increment = increments(signal.strain, last)
         radius, weight = self.elements(p)
         sets = max(increment.shape[1], len(radius))
         if carried is None:
@@ -94,7 +93,7 @@ class FrictionHysteresis(Effect):
         size = p["friction_MPa"] * np.maximum(
             1 + p["growth"] * np.abs(signal.strain), 0
         )
-        return replace(signal, equilibrium=signal.equilibrium + size * loop)
+        return signal.having(equilibrium=signal.equilibrium + size * loop)
 
     def starts(self, scales):
         return [
@@ -133,7 +132,7 @@ class BoucWen(FrictionHysteresis):
         from softnn.effects._kernels import bouc_wen
 
         last, carried = (0.0, 0.0) if state is None else state
-        increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
+        increment = increments(signal.strain, last)
         radius, power = p["presliding"], p["sharpness"]
         sets = max(increment.shape[1], radius.size, power.size)
         carried = np.broadcast_to(carried, (sets,)).copy()
@@ -171,8 +170,7 @@ class WallFriction(FrictionHysteresis):
     @staticmethod
     def _added(p, signal, loop):
         pressure = np.abs(signal.equilibrium)
-        return replace(
-            signal,
+        return signal.having(
             equilibrium=signal.equilibrium + p["coefficient"] * pressure * loop,
         )
 
@@ -205,7 +203,7 @@ class GrownFriction(FrictionHysteresis):
         largest = np.maximum.accumulate(np.maximum(np.abs(signal.strain), top))
         loop, state = self.loop(p, signal, state)
         new = signal.equilibrium + p["friction_MPa"] * largest * loop
-        return replace(signal, equilibrium=new), (largest[-1:], state)
+        return signal.having(equilibrium=new), (largest[-1:], state)
 
     def starts(self, scales):
         return [
@@ -245,7 +243,7 @@ class JointFriction(FrictionHysteresis):
     @staticmethod
     def _added(p, signal, loop):
         new = signal.equilibrium + p["friction_MPa"] * loop
-        return replace(signal, equilibrium=new)
+        return signal.having(equilibrium=new)
 
     def starts(self, scales):
         return [

@@ -2,8 +2,6 @@ r"""The scale of the stress is wrong in some recordings."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
@@ -38,7 +36,7 @@ class GainError(Effect):
     }
 
     def after(self, p, signal, state):
-        return replace(signal, stress=signal.stress * (1 + p["error"])), None
+        return signal.having(stress=signal.stress * (1 + p["error"])), None
 
     def starts(self, scales):
         return [{"error": 0.1}]

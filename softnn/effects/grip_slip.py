@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softnn.contracts import Array, Chunk, Effect, Parameter
+from softnn.contracts import Array, Chunk, Effect, Parameter, increments
 from softnn.effects._programmes import cycles
 from softnn.effects._signs import FEWEST, QUIET, minority, noise, reach
 
@@ -74,8 +74,7 @@ class GripSlip(Effect):
         own = p["slip"] * np.clip((t - p["moment_s"]) / p["duration_s"], 0, 1)
         lost = earlier + own
         return (
-            replace(
-                signal,
+            signal.having(
                 strain=signal.strain - lost,
                 branch_strain=signal.branch_strain - lost,
             ),
@@ -175,17 +174,17 @@ class CreepingGrip(GripSlip):
         sets = max(rate.size, power.size, *(x.shape[1] for x in strains))
         if state is None:
             state = time[0], [(0.0, np.zeros(sets))] * 2
-        step = np.diff(time, prepend=state[0])[:, None]
+        step = increments(time, state[0])[:, None]
         slow = 1 / np.maximum(rate, 1e-300)
         moved, inner = [], []
         for x, (last, carried) in zip(strains, state[1], strict=True):
             carried = np.broadcast_to(carried, (sets,)).copy()
             out = np.empty((len(x), sets))
-            increment = np.ascontiguousarray(np.diff(x, axis=0, prepend=last))
+            increment = increments(x, last)
             flow(step, increment, slow, np.ones(1), power, carried, out)
             moved.append(np.where(rate > 0, out, x))  # sums are not exact
             inner.append((x[-1:], carried))
-        new = replace(signal, strain=moved[0], branch_strain=moved[1])
+        new = signal.having(strain=moved[0], branch_strain=moved[1])
         return new, (time[-1], inner)
 
     def starts(self, scales):

@@ -2,11 +2,9 @@ r"""Force from accelerating mass between load cell and specimen."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import Chunk
 
 
@@ -74,7 +72,7 @@ class Inertia(Effect):
 
     def after(self, p, signal, state):
         force = p["mass"] * self.acceleration(signal, state)
-        return replace(signal, stress=signal.stress + force), True
+        return signal.having(stress=signal.stress + force), True
 
     def starts(self, scales):
         # A tenth of the peak stress at a sine of 8 samples a quarter period.
@@ -112,9 +110,9 @@ class CompliantMount(Inertia):
         last, rest = state
         rest = np.broadcast_to(rest, (2, sets)).copy()
         out = np.empty_like(force)
-        step = np.diff(signal.time_s, prepend=last)
+        step = increments(signal.time_s, last)
         first_order(step, force, tau, rest[0], rest[1], out)
-        new = replace(signal, stress=signal.stress + p["mass"] * out)
+        new = signal.having(stress=signal.stress + p["mass"] * out)
         return new, (signal.time_s[-1], rest)
 
     def starts(self, scales):
@@ -151,10 +149,10 @@ class RingingMount(Inertia):
         )
         carried = np.broadcast_to(carried, (2, sets)).copy()
         out = np.empty_like(kick)
-        step = np.diff(signal.time_s, prepend=last)
+        step = increments(signal.time_s, last)
         omega, zeta = np.broadcast_to(omega, (sets,)), np.broadcast_to(zeta, (sets,))
         ringing(step, kick, omega, zeta, carried, out)
-        new = replace(signal, stress=signal.stress + p["mass"] * out)
+        new = signal.having(stress=signal.stress + p["mass"] * out)
         return new, (signal.time_s[-1], carried)
 
     def starts(self, scales):
@@ -189,8 +187,8 @@ class BluntTurns(Inertia):
         sets = max(kick.shape[1], width.size)
         kick = np.ascontiguousarray(np.broadcast_to(kick, (len(kick), sets)))
         out = np.empty_like(kick)
-        turning(np.diff(signal.time_s, prepend=signal.time_s[0]), kick, width, out)
-        return replace(signal, stress=signal.stress + p["mass"] * out), True
+        turning(increments(signal.time_s, signal.time_s[0]), kick, width, out)
+        return signal.having(stress=signal.stress + p["mass"] * out), True
 
     def starts(self, scales):
         return [

@@ -2,8 +2,6 @@ r"""The load cell wanders with time."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from softnn.contracts import Array, Chunk, Effect, Parameter
@@ -51,7 +49,7 @@ class LoadCellDrift(Effect):
 
     def after(self, p, signal, state):
         t = (signal.time_s - signal.begun_s)[:, None]
-        return replace(signal, stress=signal.stress + self.wander(p, t)), None
+        return signal.having(stress=signal.stress + self.wander(p, t)), None
 
     def wander(self, p, t):
         return p["drift_MPa_per_s"] * t

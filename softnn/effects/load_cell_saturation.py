@@ -2,8 +2,6 @@ r"""The stress is clipped at a limit of the load cell."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,8 +42,8 @@ class LoadCellSaturation(Effect):
     twins = {"tension_only": "tension alone", "nonlinear_elasticity": "a second range"}
 
     def after(self, p, signal, state):
-        return replace(
-            signal, stress=self.clipped(signal.stress, p["limit_MPa"], p["knee"])
+        return signal.having(
+            stress=self.clipped(signal.stress, p["limit_MPa"], p["knee"])
         ), None
 
     @property
@@ -54,12 +52,14 @@ class LoadCellSaturation(Effect):
 
     @staticmethod
     def clipped(x, limit, knee):
+        hard = np.clip(x, -limit, limit)
+        if np.all(knee < 0.01):
+            return hard
         share = np.abs(x) / limit
         power = 1 / np.maximum(knee, 0.01)
         # In logarithms, so that a sharp knee does not overflow.
         bend = np.logaddexp(0.0, power * np.log(np.maximum(share, 1e-300))) / power
         soft = np.where(limit >= NEVER_MPa, x, x * np.exp(-bend))
-        hard = np.clip(x, -limit, limit)
         return np.where(knee >= 0.01, soft, hard)
 
     def starts(self, scales):
@@ -110,7 +110,7 @@ class UnevenLimits(LoadCellSaturation):
         pulled = self.clipped(np.maximum(x, 0), p["limit_MPa"], p["knee"])
         pushed = self.clipped(np.minimum(x, 0), p["pushed_MPa"], p["knee"])
         kept = pulled + pushed
-        return replace(signal, stress=kept + p["beyond"] * (x - kept)), None
+        return signal.having(stress=kept + p["beyond"] * (x - kept)), None
 
     def starts(self, scales):
         # Round and low enough to move in whichever direction is clipped.
@@ -140,7 +140,7 @@ class OwnRange(LoadCellSaturation):
 
     def after(self, p, signal, state):
         limit = 1 / np.maximum(p["narrowness_per_MPa"], 1e-300)
-        return replace(signal, stress=np.clip(signal.stress, -limit, limit)), None
+        return signal.having(stress=np.clip(signal.stress, -limit, limit)), None
 
     def starts(self, scales):
         return [

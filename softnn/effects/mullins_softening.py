@@ -2,8 +2,6 @@ r"""Softer on reloading below the largest strain so far: the Mullins effect."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import erf
 
@@ -81,8 +79,7 @@ class MullinsSoftening(Effect):
         share = p["viscous_share"]
         spring = 1 - np.minimum(2 - share, 1) * lost
         slow = 1 - np.minimum(share, 1) * lost
-        return replace(
-            signal,
+        return signal.having(
             equilibrium=signal.equilibrium * spring,
             branches=signal.branches * slow,
         )

@@ -2,8 +2,6 @@ r"""Stiffness that changes with strain where the simulation has a constant one."
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from softnn.contracts import Effect, Parameter
@@ -55,7 +53,7 @@ class NonlinearElasticity(Effect):
         bend = p["stiffening_MPa"] * x ** p["exponent"] + p["foot_MPa"] * -np.expm1(
             -x / p["foot_width"]
         )
-        return replace(signal, equilibrium=signal.equilibrium + np.sign(e) * bend), None
+        return signal.having(equilibrium=signal.equilibrium + np.sign(e) * bend), None
 
     def starts(self, scales):
         width = float(np.clip(0.2 * scales.strain, 1e-3, 3))
@@ -98,7 +96,7 @@ class OgdenSpring(NonlinearElasticity):
         by = np.log(np.maximum(1 + e, SHORTEST))
         curve = (np.exp((a - 1) * by) - np.exp(-(a / 2 + 1) * by)) / (1.5 * a)
         bend = p["stiffening_MPa"] * (curve - e)
-        return replace(signal, equilibrium=signal.equilibrium + bend), None
+        return signal.having(equilibrium=signal.equilibrium + bend), None
 
     def starts(self, scales):
         size = 0.5 * scales.stress_MPa / scales.strain

@@ -2,11 +2,9 @@ r"""A dashpot whose flow is not proportional to stress."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import ramps
 
 LASTING = 100.0  # longest recordings; a slower flow loses less than 1 % in any
@@ -64,14 +62,14 @@ class NonlinearViscosity(Effect):
         last_time, last, carried = (
             (signal.time_s[0], 0.0, 0.0) if state is None else state
         )
-        step = np.diff(signal.time_s, prepend=last_time)
-        increment = np.diff(signal.branch_strain, axis=0, prepend=last)
+        step = increments(signal.time_s, last_time)
+        increment = increments(signal.branch_strain, last)
         shape = (p["time_s"], p["threshold"], self.exponent(p))
         sets = max(increment.shape[1], *(a.size for a in shape))
         carried = np.broadcast_to(carried, (sets,)).copy()
         out = np.empty((len(step), sets))
         flow(step[:, None], np.ascontiguousarray(increment), *shape, carried, out)
-        new = replace(signal, branches=signal.branches + p["stiffness_MPa"] * out)
+        new = signal.having(branches=signal.branches + p["stiffness_MPa"] * out)
         return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
 
     def starts(self, scales):
@@ -147,13 +145,13 @@ class ThinningBranches(NonlinearViscosity):
     def before(self, p, signal, state):
         time, m = signal.branch_clock, p["exponent"]
         last, gone, strain = (time[:1], time[:1], 0.0) if state is None else state
-        step = np.diff(time, axis=0, prepend=last)
-        travel = np.abs(np.diff(signal.branch_strain, axis=0, prepend=strain))
+        step = increments(time, last)
+        travel = np.abs(increments(signal.branch_strain, strain))
         more = (p["thinning_s"] * travel) ** m * step ** (1 - m)
         more = np.where(step > 0, more, 0.0)  # a step relaxes nothing
         passed = gone + np.cumsum(step + more, axis=0)
         passed = np.where(p["thinning_s"] == 0, time, passed)  # to the last bit
-        new = replace(signal, branch_time_s=passed)
+        new = signal.having(branch_time_s=passed)
         return new, (time[-1:], passed[-1:], signal.branch_strain[-1:])
 
     def starts(self, scales):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Array, Effect, Parameter, Signal
+from softnn.contracts import Array, Effect, Parameter, Signal, increments
 from softnn.effects._programmes import cycles
 from softnn.effects.cyclic_softening import TravelSoftening
 
@@ -169,13 +169,13 @@ class PlasticElement(PermanentSet):
 
         time, limit, pace = signal.time_s, p["yield_strain"], p["pace_per_s"]
         then, last, carried = (time[0], 0.0, 0.0) if state is None else state
-        increment = np.ascontiguousarray(np.diff(signal.strain, axis=0, prepend=last))
-        travel = np.abs(increment) + pace * np.diff(time, prepend=then)[:, None]
+        increment = increments(signal.strain, last)
+        travel = np.abs(increment) + pace * increments(time, then)[:, None]
         sets = max(travel.shape[1], limit.size, p["sharpness"].size)
         carried = np.broadcast_to(carried, (sets,)).copy()
         out = np.empty((len(increment), sets))
         flow(travel, increment, limit, limit, p["sharpness"], carried, out)
-        new = replace(signal, equilibrium=signal.equilibrium + p["stiffness_MPa"] * out)
+        new = signal.having(equilibrium=signal.equilibrium + p["stiffness_MPa"] * out)
         return new, (time[-1], signal.strain[-1:], carried)
 
     def starts(self, scales):
@@ -212,7 +212,7 @@ class CreptSet(PermanentSet):
 
         strain, time, tau = signal.strain, signal.time_s, p["time_s"]
         then, up, down = (time[0], None, None) if state is None else state
-        step = np.diff(time, prepend=then)
+        step = increments(time, then)
         sets = max(strain.shape[1], tau.size)
         grown = []
         for way, carried in ((1.0, up), (-1.0, down)):
@@ -231,4 +231,4 @@ class CreptSet(PermanentSet):
 def _shifted(p: Mapping[str, Array], signal: Signal, shift: Array) -> Signal:
     """The signal behind a set, of which the branches feel their share."""
     seen = signal.branch_strain - p["viscous_share"] * shift
-    return replace(signal, strain=signal.strain - shift, branch_strain=seen)
+    return signal.having(strain=signal.strain - shift, branch_strain=seen)

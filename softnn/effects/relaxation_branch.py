@@ -2,11 +2,9 @@ r"""A relaxation time that the simulation lacks."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import ramps
 
 
@@ -50,14 +48,14 @@ class RelaxationBranch(Effect):
         last_time, last, carried = (
             (signal.time_s[0], 0.0, 0.0) if state is None else state
         )
-        step = np.diff(signal.time_s, prepend=last_time)
-        increment = np.diff(signal.branch_strain, axis=0, prepend=last)
+        step = increments(signal.time_s, last_time)
+        increment = increments(signal.branch_strain, last)
         tau = p["relaxation_time_s"]
         sets = max(increment.shape[1], tau.size)
         carried = np.broadcast_to(carried, (sets,)).copy()
         out = np.empty((len(step), sets))
         maxwell(step, np.ascontiguousarray(increment), tau, carried, out)
-        new = replace(signal, branches=signal.branches + p["stiffness_MPa"] * out)
+        new = signal.having(branches=signal.branches + p["stiffness_MPa"] * out)
         return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
 
     def starts(self, scales):
@@ -111,7 +109,7 @@ class SpreadBranch(RelaxationBranch):
             new, last = super().after(own, signal, state and state[k])
             total = total + (new.branches - signal.branches)
             states.append(last)
-        return replace(signal, branches=total), states
+        return signal.having(branches=total), states
 
 
 class TwoBranches(SpreadBranch):

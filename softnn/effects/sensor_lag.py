@@ -2,11 +2,9 @@ r"""The stress channel trails the strain channel."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import cycles
 
 LONGEST_S = 20.0
@@ -59,10 +57,10 @@ class SensorLag(Effect):
             state = signal.time_s[0], np.stack([x[0], x[0], 0.0 * x[0]])
         last, rest = state
         rest = np.broadcast_to(rest, (3, sets)).copy()
-        step = np.diff(signal.time_s, prepend=last)
+        step = increments(signal.time_s, last)
         out = np.empty_like(x)
         second_order(step, x, tau, quality, rest[0], rest[1], rest[2], out)
-        return replace(signal, stress=out), (signal.time_s[-1], rest)
+        return signal.having(stress=out), (signal.time_s[-1], rest)
 
     def starts(self, scales):
         return [
@@ -102,7 +100,7 @@ class Delay(SensorLag):
             axis=1,
         )
         keep = max(int(np.searchsorted(time, time[-1] - LONGEST_S)) - 1, 0)
-        return replace(signal, stress=out), (time[keep:], x[keep:])
+        return signal.having(stress=out), (time[keep:], x[keep:])
 
 
 class DelayedLag(Delay):

@@ -2,8 +2,6 @@ r"""The specimen hangs loose in the grips until its gap is taken up."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from softnn.contracts import Array, Chunk, Effect, Parameter
@@ -82,8 +80,7 @@ class Slack(Effect):
             return np.where(gap > 0, np.sign(strain) * np.minimum(soft, size), strain)
 
         return (
-            replace(
-                signal,
+            signal.having(
                 strain=taut(signal.strain),
                 branch_strain=taut(signal.branch_strain),
             ),
@@ -194,7 +191,7 @@ class Backlash(Slack):
         moved = [np.empty((len(x), sets)) for x in strains]
         for x, inner, out in zip(strains, carried, moved, strict=True):
             play(x, behind, ahead, inner, out)
-        return replace(signal, strain=moved[0], branch_strain=moved[1]), carried
+        return signal.having(strain=moved[0], branch_strain=moved[1]), carried
 
     def starts(self, scales):
         return [{"gap": GAPS[0] * scales.strain, "seat": 0.5}]

@@ -3,11 +3,10 @@ r"""Branch strength that changes with strain."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import ramps
 
 
@@ -70,7 +69,7 @@ class StrainDependentRelaxation(Effect):
 
     def after(self, p, signal, state):
         return (
-            replace(signal, branches=signal.branches * self.factor(p, signal.strain)),
+            signal.having(branches=signal.branches * self.factor(p, signal.strain)),
             None,
         )
 
@@ -98,7 +97,7 @@ class StrainDrivenBranches(StrainDependentRelaxation):
     def before(self, p, signal, state):
         e = signal.branch_strain
         measure = e + p["growth"] * e * np.abs(e) / 2 + p["curvature"] * e**3 / 3
-        return replace(signal, branch_strain=measure), None
+        return signal.having(branch_strain=measure), None
 
     def after(self, p, signal, state):
         return signal, None
@@ -132,11 +131,11 @@ class Schapery(StrainDependentRelaxation):
     def before(self, p, signal, state):
         e = signal.branch_strain
         measure = e + p["growth"] * e * np.abs(e) / 2
-        return replace(signal, branch_strain=measure), None
+        return signal.having(branch_strain=measure), None
 
     def after(self, p, signal, state):
         factor = np.maximum(1 + p["outer"] * np.abs(signal.strain), 0.0)
-        return replace(signal, branches=signal.branches * factor), None
+        return signal.having(branches=signal.branches * factor), None
 
     def starts(self, scales):
         unit = 1 / max(scales.strain, 1e-6)
@@ -177,11 +176,11 @@ class StrainClock(StrainDependentRelaxation):
     def before(self, p, signal, state):
         time = signal.branch_clock
         last, gone = (time[:1], time[:1]) if state is None else state
-        step = np.diff(time, axis=0, prepend=last)
+        step = increments(time, last)
         pace = np.exp(np.clip(p["growth"] * np.abs(signal.strain), -30, 30))
         passed = gone + np.cumsum(step * pace, axis=0)
         passed = np.where(p["growth"] == 0, time, passed)  # to the last bit
-        new = replace(signal, branch_time_s=passed)
+        new = signal.having(branch_time_s=passed)
         return new, (time[-1:], passed[-1:])
 
     def starts(self, scales):
@@ -241,11 +240,11 @@ class DecliningBranches(StrainDependentRelaxation):
         near = np.abs(m) < 1e-9
         measure = width * np.where(near, by, np.expm1(m * by) / np.where(near, 1.0, m))
         measure = np.where(m == 1, e, np.sign(e) * measure)  # to the last bit
-        return replace(signal, branch_strain=measure), None
+        return signal.having(branch_strain=measure), None
 
     def after(self, p, signal, state):
         factor = (1 + np.abs(signal.strain) / p["width"]) ** -p["decline"]
-        return replace(signal, branches=signal.branches * factor), None
+        return signal.having(branches=signal.branches * factor), None
 
     def starts(self, scales):
         width = float(np.clip(0.1 * scales.strain, 1e-3, 3))

@@ -2,8 +2,6 @@ r"""No stress in compression: a strip buckles."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from softnn.contracts import Effect, Parameter
@@ -52,8 +50,7 @@ class TensionOnly(Effect):
         stress = signal.equilibrium + signal.branches
         kept = self.kept(p, np.maximum(-stress, 0))
         factor = np.where(self.pushed(signal), kept, 1.0)
-        new = replace(
-            signal,
+        new = signal.having(
             equilibrium=signal.equilibrium * factor,
             branches=signal.branches * factor,
         )
@@ -126,8 +123,7 @@ class FoldedStrip(TensionOnly):
         def seen(strain):
             return strain - p["amount"] * np.minimum(strain + p["buckling_strain"], 0.0)
 
-        new = replace(
-            signal,
+        new = signal.having(
             strain=seen(signal.strain),
             branch_strain=seen(signal.branch_strain),
         )

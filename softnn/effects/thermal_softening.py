@@ -2,11 +2,9 @@ r"""Stiffness that follows the recorded temperature."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from softnn.contracts import Chunk, Effect, InputError, Parameter
+from softnn.contracts import Chunk, Effect, InputError, Parameter, increments
 from softnn.effects._programmes import cycles
 
 REFERENCE_C = 23.0  # any other is the same law with other stiffnesses
@@ -67,7 +65,7 @@ class ThermalSoftening(Effect):
         warmer = self.warmer(signal, state)
         factor = self.factor(p, warmer[:, None])
         parts = {port: getattr(signal, port) * factor for port in self.ports}
-        return replace(signal, **parts), warmer[-1]
+        return signal.having(**parts), warmer[-1]
 
     def starts(self, scales):
         return [{"softening_per_C": 0.01}]
@@ -115,10 +113,10 @@ class ThermalClock(ThermalSoftening):
         time = signal.branch_clock
         known, last, gone = (0.0, time[:1], time[:1]) if state is None else state
         warmer = self.warmer(signal, known)
-        step = np.diff(time, axis=0, prepend=last)
+        step = increments(time, last)
         passed = gone + np.cumsum(step * np.exp(pace * warmer[:, None]), axis=0)
         passed = np.where(pace == 0, time, passed)  # to the last bit
-        new = replace(signal, branch_time_s=passed)
+        new = signal.having(branch_time_s=passed)
         return new, (warmer[-1], time[-1:], passed[-1:])
 
     def starts(self, scales):

@@ -2,8 +2,6 @@ r"""The load cell does not read zero without load."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from softnn.contracts import Effect, Parameter
@@ -48,7 +46,7 @@ class ZeroOffset(Effect):
     def after(self, p, signal, state):
         t = (signal.time_s - signal.begun_s)[:, None]
         shift = p["offset_MPa"] * self.there(p, t)
-        return replace(signal, stress=signal.stress + shift), None
+        return signal.having(stress=signal.stress + shift), None
 
     def there(self, p, t):
         """Share of the offset that is there at times t (n, 1)."""

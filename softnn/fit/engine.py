@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.bounded import innovations, whitened
-from softnn.contracts import Array, Chunk, Effect, Signal
+from softnn.contracts import Array, Chunk, Effect, Signal, increments
 from softnn.fit.point import Data, Guess, Piece, Slot
 from softnn.models.units import Units
 from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
@@ -35,6 +35,16 @@ def span(columns: Array) -> Array:
     size, turn = np.linalg.eigh(columns.T @ columns)
     clear = size > 1e-10 * size.max(initial=0.0)
     return columns @ (turn[:, clear] / np.sqrt(size[clear]))
+
+
+def apart(values: Sequence[Mapping[str, Array]], sets: int) -> NDArray[np.intp]:
+    """The first of the sets of values and those in which any differs from it."""
+    differs = np.zeros(sets, bool)
+    for own in values:
+        for value in own.values():
+            if len(value) == sets:
+                differs |= value != value[0]
+    return np.append(0, np.flatnonzero(differs))
 
 
 class Engine:
@@ -87,8 +97,8 @@ class Engine:
         for r, own in enumerate(memory):
             for k, (weight, seconds) in enumerate(own):
                 share[r, k], tau[r, k] = weight, seconds
-        step = np.diff(time, prepend=time[:1])[:, None]
-        self._first = np.diff(self.owner, prepend=-1) != 0
+        step = increments(time, time[:1])[:, None]
+        self.begins = np.diff(self.owner, prepend=-1) != 0  # where a recording does
         decay = np.exp(-np.maximum(step, 0.0) / tau[self.owner])
         # Samples at one time are not one sample.
         self._decay = np.minimum(decay, np.where(step > 0, HIGHEST[1], HIGHEST[0]))
@@ -97,7 +107,7 @@ class Engine:
             self._decay,
             own_share,
             np.maximum(1 - own_share.sum(axis=1), 0.0),
-            self._first,
+            self.begins,
         )
         # Of the density of what is whitened, so that noises can be held against noises.
         self.log_norm = float(np.sum(np.log(self._scale / self.sigma)))
@@ -107,7 +117,7 @@ class Engine:
         """Rows (valid samples, ...) as if the noise were independent, of variance 1."""
         rows = np.ascontiguousarray(x if x.ndim == 2 else x[:, None], float)
         out = whitened(
-            rows, self.sigma, self._decay, self._gain, self._scale, self._first
+            rows, self.sigma, self._decay, self._gain, self._scale, self.begins
         )
         return out if x.ndim == 2 else out[:, 0]
 
@@ -296,11 +306,19 @@ class Engine:
         inputs = [] if front else self.inputs(guess.units, terms, every)
         memory: Memory = {}
         carried: Carried = None
-        change = []
+        change = np.zeros((len(self.measured), sets - 1))
         for r, chunk in enumerate(self.chunks):
+            values_ = [own[r] for own in every]
+            asked = np.arange(sets)
             if not self.data.continued:
                 memory, carried = {}, None
-            values_ = [own[r] for own in every]
+                asked = apart(values_, sets)
+                values_ = [
+                    {k: v[asked] if len(v) == sets else v for k, v in own.items()}
+                    for own in values_
+                ]
+            if len(asked) == 1:
+                continue
             if front:
                 signal = reach(terms, values_, chunk, memory)
                 eq = guess.units.spring_stress(signal.strain, x[:segments])
@@ -312,9 +330,9 @@ class Engine:
             if self.remainder is not None:
                 eq = eq + self.remainder[r][:, None]
             out = self._through(terms, values_, signal, eq, br, memory)
-            out = np.broadcast_to(out, (len(out), sets))
-            change.append(out[:, 1:] - out[:, :1])
-        return self._seen(np.concatenate(change))
+            rows = slice(self.data.starts[r], self.data.starts[r + 1])
+            change[rows, asked[1:] - 1] = out[:, 1:] - out[:, :1]
+        return self._seen(change)
 
     def _borne(
         self, units: Units, r: int, signal: Signal, stiffness: Array, carried: Carried
@@ -351,6 +369,9 @@ class Engine:
         strain, time = (np.broadcast_to(a, (len(a), sets)) for a in (strain, time))
         out = np.empty(strain.shape)
         states = []
+        used = np.flatnonzero(stiffness)  # decays are most of the work
+        stiffness, times = stiffness[used], np.array(units.relaxation_times)[used]
+        units = replace(units, relaxation_times=tuple(times.tolist()))
         for j in range(sets):
             one = slice(j, j + 1)
             own = None if state is None else (state[0][one], state[1][one])
@@ -366,7 +387,7 @@ class Engine:
         terms: Any, values: Any, signal: Signal, eq: Array, br: Array, memory: Memory
     ) -> Array:
         return measured(
-            terms, values, replace(signal, equilibrium=eq, branches=br), memory
+            terms, values, signal.having(equilibrium=eq, branches=br), memory
         )
 
     def by_recording(self, x: Array) -> list[Array]:

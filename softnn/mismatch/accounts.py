@@ -6,14 +6,16 @@ pays: a beam that is wide at first and narrow later.
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from softnn.contracts import Array, Effect
-from softnn.fit import Engine, Fit, Guess, Piece, fit
+from softnn.fit import Engine, Fit, Piece, fit
+from softnn.forks import each
 from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import (
     FIRST,
@@ -104,17 +106,14 @@ def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
     if apart:  # what they hide is asked again
         found += apart[:1]
         found += _weighed(weigher, expand(engine, apart[0].fit, pool, FIRST, FORMS))
+
+    def with_more(account: Account) -> list[Account]:
+        return _weighed(weigher, expand(engine, account.fit, pool, LATER))
+
     for size, count in enumerate(EXPANDED, start=1):
-        ranked = sorted((a for a in found if len(a.effects) == size), key=value)
-        done: set[frozenset[str]] = set()
         bar = max(value(a) for a in found if len(a.effects) < size)
-        while ranked and len(done) < count:
-            best = ranked.pop()
-            if value(best) < bar:
-                break
-            if best.effects not in done:
-                done.add(best.effects)
-                found += _weighed(weigher, expand(engine, best.fit, pool, LATER))
+        best = _leaders(a for a in found if len(a.effects) == size and value(a) >= bar)
+        found += itertools.chain(*each(with_more, best[:count]))
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)
@@ -131,25 +130,26 @@ def _asked_again(
 
     The form that suits an effect was chosen while the others were not there yet.
     """
-    out: list[Account] = []
     engine = weigher.engine
-    ranked = sorted((a for a in found if len(a.effects) > 1), key=value)
-    best = list({a.effects: a for a in ranked}.values())  # of each set
-    for account in sorted(best, key=value)[-ASKED:]:
-        for law, fewer in _each_less(account):
-            less = fit(engine, fewer, fixed_base=account.fit.fixed_base)
-            known = [one for one in pool if one.id == law.id]
-            out += _weighed(weigher, expand(engine, less, known, 1, FORMS), whole=True)
-    return out
+    best = _leaders(a for a in found if len(a.effects) > 1)[:ASKED]
+
+    def anew(asked: tuple[Fit, str]) -> list[Account]:
+        one, name = asked
+        pieces = one.guess.pieces
+        rest = tuple(p for p in pieces if p.nuisance or p.effect.id != name)
+        fewer = replace(one.guess, pieces=rest)
+        less = fit(engine, fewer, fixed_base=one.fixed_base)
+        known = [law for law in pool if law.id == name]
+        return _weighed(weigher, expand(engine, less, known, 1, FORMS), whole=True)
+
+    every = [(a.fit, name) for a in reversed(best) for name in names(a.fit)]
+    return list(itertools.chain(*each(anew, every)))
 
 
-def _each_less(account: Account) -> Iterator[tuple[Effect, Guess]]:
-    """Each effect of an account, and the guess without it."""
-    guess = account.fit.guess
-    for piece in guess.pieces:
-        if not piece.nuisance:
-            rest = tuple(p for p in guess.pieces if p is not piece)
-            yield piece.effect, replace(guess, pieces=rest)
+def _leaders(found: Iterable[Account]) -> list[Account]:
+    """The best account of each set of effects, the best of all first."""
+    best = {a.effects: a for a in sorted(found, key=value)}
+    return sorted(best.values(), key=value, reverse=True)
 
 
 def _as_specimens(
@@ -164,10 +164,10 @@ def _as_specimens(
     count = len(base.engine.chunks)
     if count < FEWEST or any(p.nuisance for p in base.fit.guess.pieces):
         return []
-    each = scatter(count, [(r,) for r in range(1, count)], unsaid=True)
-    rest = [a for a in found if each.effect.id not in a.effects]
+    every = scatter(count, [(r,) for r in range(1, count)], unsaid=True)
+    rest = [a for a in found if every.effect.id not in a.effects]
 
-    def apart(account: Account, piece: Piece = each) -> Account:
+    def apart(account: Account, piece: Piece = every) -> Account:
         clock = time.perf_counter()
         new = refine(base.engine, account.fit, piece, REFITTED)
         evidence = weigher.weigh(new, whole=False)
@@ -180,10 +180,11 @@ def _as_specimens(
     piece = scatter(count, groups[1:], unsaid=True)
     alike = [apart(a, piece) for a in before]
     if max(map(value, alike)) > value(best):
-        trials, each = alike, piece
+        trials, every = alike, piece
     if max(map(value, trials)) < max(map(value, rest)) - NEAR:
         return []
-    return trials[:1] + [apart(a, each) for a in _worth(rest) if a.effects]
+    worth = [a for a in _worth(rest) if a.effects]
+    return trials[:1] + each(lambda a: apart(a, every), worth)
 
 
 def _as_mistakes(
@@ -232,7 +233,7 @@ def _settled(
             tried.append((max(map(value, few)), noise))
     noise = max(tried, key=lambda t: t[0])[1]
     weigh_by(engine, noise)
-    accounts = [_again(base, weigher, a) for a in ranked]
+    accounts = each(lambda a: _again(base, weigher, a), ranked)
     # The base alone goes first; of its two, with and without scatter, the better.
     bare = next(i for i, a in enumerate(ranked) if not a.effects)
     return noise, [accounts[bare], *accounts[:bare], *accounts[bare + 1 :]]
@@ -299,10 +300,9 @@ def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
     again = fit(engine, base.fit.guess, fixed_base=fixed, iterations=REFITTED)
     if engine.log_norm - before > TOLD * len(engine.target):
         return again, expand(engine, again, pool, FIRST, FORMS)
-    refitted = [
-        fit(engine, f.guess, fixed_base=fixed, iterations=REFITTED) for f in first
-    ]
-    return again, refitted
+    return again, each(
+        lambda f: fit(engine, f.guess, fixed_base=fixed, iterations=REFITTED), first
+    )
 
 
 def _weighed(

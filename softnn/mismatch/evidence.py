@@ -111,7 +111,7 @@ class Weigher:
             other,
             products,
             span(np.concatenate([free, unseen], axis=1)),
-            np.diff(engine.owner, prepend=-1) != 0,
+            engine.begins,
         )
         unsaid = against(found)
         there = {0: form.shape[1], APART: apart.shape[1], WRONG: wrong.shape[1]}

@@ -120,7 +120,7 @@ class Screen:
         """A lead from each piece, in all its recordings; `change` as `_changes`."""
         change = self._changes(pieces) if change is None else change
         size = (change**2).sum(axis=0) - ((self.q.T @ change) ** 2).sum(axis=0)
-        c, gain = _signed(pieces, size, change.T @ self.residual)
+        c, gain = _signed(_bounds(pieces), size, change.T @ self.residual)
         return [
             Lead(_scaled(piece, float(by)), float(won))
             for piece, by, won in zip(pieces, c, gain, strict=True)
@@ -146,14 +146,14 @@ class Screen:
             dot[mine] = own.T @ self.residual[rows]
         gram -= taken.T @ taken
         whole = np.maximum(np.diag(gram), 1e-300)
-        every = list(pieces) * recordings
+        bounds = np.tile(_bounds(pieces), recordings)
         chosen: dict[int, tuple[int, float]] = {}
         total = 0.0
         # A mistake in some recordings is one only beside others that are right.
         limit = recordings - int(pieces[0].effect.some)
         while len(chosen) < limit:
             size = np.diag(gram).copy()
-            c, gain = _signed(every, size, dot)
+            c, gain = _signed(bounds, size, dot)
             # What is absorbed by what is in already tells nothing new.
             gain[size < 0.02 * whole] = 0.0
             for g in chosen:
@@ -184,25 +184,27 @@ class Screen:
         return [Lead(Piece(effect, values, pieces[0].free, groups), total)]
 
 
-def _bounds(piece: Piece) -> tuple[float, float]:
-    """Multiples of the start's amplitude that the parameter's range allows, up to 4."""
-    effect = piece.effect
-    p = next(p for p in effect.parameters if p.name == effect.amplitude)
-    values = np.atleast_1d(piece.values[effect.amplitude])
-    if effect.off.get(effect.amplitude) != 0.0:
-        return 0.0, 1.5
-    low, high = sorted(np.array([p.low, p.high]) / values[np.argmax(np.abs(values))])
-    return max(float(low), -4.0), min(float(high), 4.0)
+def _bounds(pieces: Sequence[Piece]) -> Array:
+    """Multiples (2, pieces) of a start's amplitude that its range allows, up to 4."""
+    out = []
+    for piece in pieces:
+        effect, low, high = piece.effect, 0.0, 1.5
+        p = next(p for p in effect.parameters if p.name == effect.amplitude)
+        values = np.atleast_1d(piece.values[effect.amplitude])
+        if effect.off.get(effect.amplitude) == 0.0:
+            ends = np.array([p.low, p.high]) / values[np.argmax(np.abs(values))]
+            low, high = max(ends.min(), -4.0), min(ends.max(), 4.0)
+        out.append((low, high))
+    return np.array(out).T
 
 
-def _signed(pieces: Sequence[Piece], size: Array, dot: Array) -> tuple[Array, Array]:
+def _signed(bounds: Array, size: Array, dot: Array) -> tuple[Array, Array]:
     """Best multiple of each atom within its range, and the gain of chi2, each (atoms,).
 
     `size` and `dot`: its products with itself and with the residual.
     """
-    low, high = np.array([_bounds(piece) for piece in pieces]).T
     there = size > 1e-12
-    c = np.clip(dot / np.where(there, size, 1.0), low, high) * there
+    c = np.clip(dot / np.where(there, size, 1.0), *bounds) * there
     return c, c * (2 * dot - c * size)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from softnn.contracts import Array, Chunk, InputError
+from softnn.contracts import Array, Chunk, InputError, increments
 
 BASES = ("hooke", "sls", "wiechert", "pl-sls", "pl-wiechert")
 
@@ -106,9 +106,7 @@ relaxation_times=(1.0, 2.0, 4.0))
         decay, gain = (np.ascontiguousarray(d[:, used]) for d in decays)
         last, carried = (np.zeros(sets), None) if state is None else state
         carried = np.zeros((sets, len(used))) if carried is None else carried.copy()
-        increment = np.empty(strain.shape)
-        increment[0] = strain[0] - last
-        np.subtract(strain[1:], strain[:-1], out=increment[1:])
+        increment = increments(strain, last)
         out = np.zeros(strain.shape)
         borne(decay, gain, increment, stiffness[used], carried, out)
         return out, (strain[-1], carried)
@@ -124,7 +122,7 @@ relaxation_times=(1.0, 2.0, 4.0))
     def decays(self, time_s: Array, before_s: float | None) -> tuple[Array, Array]:
         """Decay and gain (n, branches) of each step, the first since `before_s`."""
         first = time_s[0] if before_s is None else before_s
-        step = np.diff(time_s, prepend=first)
+        step = increments(time_s, first)
         x = step[:, None] / np.array(self.relaxation_times)
         lost = -np.expm1(-x)
         return 1 - lost, np.where(x > 1e-9, lost / np.maximum(x, 1e-300), 1 - x / 2)
@@ -155,9 +153,8 @@ relaxation_times=(1.0, 2.0, 4.0))
         before, carried = (
             (0.0, np.zeros(len(self.relaxation_times))) if state is None else state
         )
-        increment = np.diff(strain, prepend=before)
         out = np.empty((len(strain), len(self.relaxation_times)))
-        maxwell(*decays, np.ascontiguousarray(increment), carried, out)
+        maxwell(*decays, increments(strain, before), carried, out)
         return out, (float(strain[-1]), out[-1].copy())
 
     def respond(self, chunk: Chunk, state: Any = None) -> tuple[Array, Array, Any]:
