@@ -12,6 +12,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterable
+from multiprocessing import parent_process
 from signal import SIGKILL
 from typing import TypeVar
 
@@ -25,15 +26,16 @@ _free: tuple[int, int] | None = None  # a pipe, with a byte for each idle proces
 def each(work: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """`[work(item) for item in items]`, on all processors where that is safe.
 
-    It is not beside other threads (of a notebook, a pool, a progress bar), as a fork
-    has none of them: then all is done here. Steps may share out steps of their own:
-    who has none left is free for any. What a step changes in memory may be lost, what
-    it returns is pickled. A fork that fails or is killed leaves its steps to this
-    process, which raises what they raise.
+    It is not beside other threads (of a notebook, a progress bar), as a fork has none
+    of them; and in a worker of a pool processors are taken: then all is done here.
+    Steps may share out steps of their own: who has none left is free for any. What a
+    step changes in memory may be lost, what it returns is pickled. A fork that fails
+    or is killed leaves its steps to this process, which raises what they raise.
     """
     global _free
     todo = list(items)
-    if len(todo) < 2 or not FORKS or threading.active_count() > 1:
+    alone = threading.active_count() == 1 and parent_process() is None
+    if len(todo) < 2 or not FORKS or not alone:
         return [work(item) for item in todo]
     if _free is not None:
         return _shared(work, todo)

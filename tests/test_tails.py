@@ -221,8 +221,6 @@ def test_what_is_off_in_a_row_is_off_together_and_in_one_recording():
         assert np.flatnonzero(begins).tolist() == [0, N]
 
 
-@pytest.mark.xfail(
-    reason="what a smooth function nearly takes up is not let off", strict=True
-)
 def test_the_last_sample_of_a_recording_may_be_off_too():
+    """Where a smooth function beside the laws nearly takes it up."""
     assert spiky(N - 1)[0] < spiky(20)[0] + 3

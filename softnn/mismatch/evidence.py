@@ -15,6 +15,7 @@ heavy tails: see `Linear`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,6 +53,8 @@ CLASS = 0.02  # of the stress: a machine of class 2 errs no more, ISO 7500-1
 ROUNDING, ROUNDED = (1e-10, 1e-9, 1e-8), 1e-12
 MOST = 0.03  # of samples, that may be off by more than noise
 SEED = 1
+
+Top = tuple[list[int], float]  # a point of `GRIDS`, and what it is worth
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ class Weigher:
         kinds = np.repeat([*there, 1, 2, 3], widths)  # places in `GRIDS`
         norm = engine.log_norm - 0.5 * len(other) * np.log(2 * np.pi) - chosen(found)
 
-        def value(scales: Array, free: bool) -> float:
+        def value(line: Linear, scales: Array, free: bool) -> float:
             prior = (scales[0] / FORM_PRIOR) ** 2
             prior += (scales[APART] / SCATTER_PRIOR) ** 2
             slight = [] if free and scales[OWN_TIME] > CLASS else [scales[OWN_TIME]]
@@ -128,28 +131,35 @@ class Weigher:
             prior += 2 * unsaid * bool(scales[APART])
             return norm + line.value(scales[kinds]) - 0.5 * prior
 
-        def freely(*starts: Sequence[int]) -> tuple[list[int], float]:
-            tops = [climb(lambda s: value(s, True), p, moved) for p in starts]
+        def top(line: Linear, free: bool, *starts: Sequence[int]) -> Top:
+            tops = [climb(lambda s: value(line, s, free), p, moved) for p in starts]
             return max(tops, key=lambda top: top[1])
 
         nothing = [0] * len(GRIDS)
         nothing[APART] = 2 if there[APART] else 0
         moved = [k for k in range(len(GRIDS)) if there.get(k, 1)]
-        place, alone = climb(lambda s: value(s, False), nothing, moved)
-        at, beside = place, alone
+        lines, alone = [line], [top(line, False, nothing)]
+        beside = alone
         if whole:
+            place = alone[0][0]
             more = sum(a <= CLASS for a in GRIDS[OWN_TIME][:-1])  # than a machine has
             wide = [*place[:OWN_TIME], more, *place[APART:]]
-            at, beside = freely(place, wide)
-            if len(line.excuse(scales_at(at)[kinds])):
-                place, alone = climb(lambda s: value(s, False), place, moved)
-                at, beside = freely(place, at)
-        law = [0] * APART + place[APART:]
-        bare = value(scales_at(law), False)
+            beside = [top(line, True, place, wide)]
+            at = beside[0][0]
+            # Each of these is a bound: of what is off the likeliest counts.
+            for scales in map(scales_at, [at] if at == place else [at, place]):
+                lines.append(copy(line))
+                if len(lines[-1].excuse(scales[kinds])):
+                    alone.append(top(lines[-1], False, place))
+                    beside.append(top(lines[-1], True, alone[-1][0], at))
+        place, slight = max(alone, key=lambda top: top[1])
+        at, any_size = max(beside, key=lambda top: top[1])
+        law = scales_at([0] * APART + place[APART:])
+        bare = max(value(line, law, False) for line in lines)
         return Evidence(
             bare,
-            float(np.logaddexp(bare + np.log(EXACT), alone + np.log1p(-EXACT))),
-            beside,
+            float(np.logaddexp(bare + np.log(EXACT), slight + np.log1p(-EXACT))),
+            any_size,
             GRIDS[0][place[0]],
             max(ELSE[i] for i in at[1:APART]),
             SCATTER[place[APART]],
@@ -240,8 +250,8 @@ class Linear:
         self.cost = float(less @ z[off]) - odds
         rows = np.concatenate([c[off] for c in self.columns], axis=1) - q @ self.taken
         freed = cho_solve(shift, np.column_stack([rows, self.residual[off]]))
-        self.gram -= rows.T @ freed[:, :-1]
-        self.right -= rows.T @ freed[:, -1]
+        self.gram = self.gram - rows.T @ freed[:, :-1]
+        self.right = self.right - rows.T @ freed[:, -1]
         self.square -= float(self.residual[off] @ freed[:, -1])
         return off
 
