@@ -7,17 +7,22 @@ import threading
 
 import numpy as np
 import pytest
+from made import mullins, write_case
 
 from softnn import forks
 from softnn.forks import each
+from softnn.mismatch import read_case
+from softnn.mismatch.base import start
+from softnn.mismatch.candidates import candidates, expand, names
 
 pytestmark = pytest.mark.skipif(not forks.FORKS, reason="no forks on this system")
 
 
 @pytest.fixture
 def two(monkeypatch):
-    """As on a machine of two processors."""
+    """As on a machine of two processors, with no thread of who runs the tests."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1})
+    monkeypatch.setattr(forks.threading, "active_count", lambda: 1)
 
 
 def test_results_are_in_order_and_of_two_processes(two):
@@ -69,7 +74,7 @@ def test_steps_of_a_fork_that_was_killed_are_done_here(two):
     assert each(step, range(20)) == list(range(20))
 
 
-def test_no_fork_beside_another_thread(two):
+def test_no_fork_beside_another_thread():
     stop = threading.Event()
     thread = threading.Thread(target=stop.wait)
     thread.start()
@@ -86,3 +91,20 @@ def test_nothing_is_left_open_or_running(two):
     assert set(os.listdir("/proc/self/fd")) == before
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)
+
+
+def test_refits_are_the_same_here_and_by_forks(two, tmp_path, monkeypatch):
+    base = start(read_case(write_case(tmp_path, [mullins()])))
+    pool = candidates(base.engine, base.name, base.fixed)
+
+    def found():
+        fits = expand(base.engine, base.fit, pool, 3)
+        return [(names(f), f.chi2, f.jacobian.tobytes(), f.slots) for f in fits]
+
+    begun, fork = [], os.fork
+    monkeypatch.setattr(os, "fork", lambda: begun.append(0) or fork())
+    shared = found()
+    assert begun
+    assert "mullins_softening" in shared[0][0]
+    monkeypatch.setattr(forks, "FORKS", False)
+    assert found() == shared
