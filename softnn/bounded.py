@@ -119,15 +119,19 @@ def whitened(x, sigma, decay, gain, scale, first):
     parts = decay.shape[1]
     out = np.empty((n, k))
     state = np.zeros((parts, k))
-    for i in range(n):
+    for i in range(n):  # inner loops run along a row: several numbers at a time
         if first[i]:
             state[:] = 0.0
+        new = out[i]
         for j in range(k):
-            new = x[i, j] / sigma[i]
-            for a in range(parts):
+            new[j] = x[i, j] / sigma[i]
+        for a in range(parts):
+            for j in range(k):
                 state[a, j] *= decay[i, a]
-                new -= state[a, j]
-            for a in range(parts):
-                state[a, j] += gain[i, a] * new
-            out[i, j] = new * scale[i]
+                new[j] -= state[a, j]
+        for a in range(parts):
+            for j in range(k):
+                state[a, j] += gain[i, a] * new[j]
+        for j in range(k):
+            new[j] *= scale[i]
     return out

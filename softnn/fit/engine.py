@@ -72,6 +72,7 @@ class Engine:
         )
         self.owner = self.recording[self.valid]
         self.complete = bool(self.valid.all())
+        self._rows = np.flatnonzero(self.valid)
         self.target = self.measured[self.valid]
         self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
         self.fine: Engine | None = None  # the same recordings with all their samples
@@ -248,7 +249,7 @@ class Engine:
         return mine[self.owner]
 
     def _seen(self, whole: Array) -> Array:
-        return whole if self.complete else whole[self.valid]
+        return whole if self.complete else whole.take(self._rows, axis=0)
 
     def beside(
         self, guess: Guess, moves: Sequence[Sequence[tuple[Slot, float]]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ class Data:
     continued: bool = False
     simulated_MPa: tuple[Array, ...] | None = None
 
-    @property
+    @cached_property
     def starts(self) -> Array:
         """Where each recording begins among all samples, and the end of the last."""
         return np.concatenate([[0], np.cumsum([len(s) for s in self.stress_MPa])])
