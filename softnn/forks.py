@@ -7,12 +7,12 @@ steps of tenths. `softnn.workers` are for pieces of work that share nothing.
 from __future__ import annotations
 
 import os
-import pickle
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterable
-from multiprocessing import parent_process
+from multiprocessing import Pipe, parent_process
+from multiprocessing.connection import Connection
 from signal import SIGKILL
 from typing import TypeVar
 
@@ -55,7 +55,7 @@ def _shared(work: Callable[[T], R], todo: list[T]) -> list[R]:
     os.write(tickets, b"".join(i.to_bytes(2, "big") for i in range(len(todo))))
     os.close(tickets)
 
-    def share(forks: list[tuple[int, int]] | None = None) -> dict[int, R]:
+    def share(forks: list[tuple[int, Connection]] | None = None) -> dict[int, R]:
         done = {}
         while ticket := os.read(queue, 2):
             i = int.from_bytes(ticket, "big")
@@ -64,22 +64,31 @@ def _shared(work: Callable[[T], R], todo: list[T]) -> list[R]:
             done[i] = work(todo[i])
         return done
 
-    forks: list[tuple[int, int]] = []
+    forks: list[tuple[int, Connection]] = []
     try:
         done = share(forks)
+        if forks:
+            _give()  # while it waits
         for _, answer in forks:
-            with open(answer, "rb", closefd=False) as pipe:
-                try:
-                    done |= pickle.load(pipe)  # of this very process
-                except (EOFError, pickle.UnpicklingError):
-                    continue
+            try:
+                done |= answer.recv()
+            except (EOFError, OSError):
+                continue
+        if forks:
+            _taken()
     finally:
         os.close(queue)
         for pid, answer in forks:
-            os.close(answer)
+            answer.close()
             os.kill(pid, SIGKILL)
             os.waitpid(pid, 0)
     return [done[i] if i in done else work(item) for i, item in enumerate(todo)]
+
+
+def _give() -> None:
+    """This processor is idle."""
+    assert _free is not None
+    os.write(_free[1], b"\0")
 
 
 def _taken() -> bool:
@@ -91,21 +100,19 @@ def _taken() -> bool:
         return False
 
 
-def _forked(share: Callable[[], dict[int, R]]) -> tuple[int, int]:
+def _forked(share: Callable[[], dict[int, R]]) -> tuple[int, Connection]:
     """A fork that works at its share: its id, and where its answer can be read."""
-    answer, end = os.pipe()
+    answer, end = Pipe(duplex=False)
     with warnings.catch_warnings():
         # Threads of BLAS are no hazard: it minds forks.
         warnings.simplefilter("ignore", DeprecationWarning)
         pid = os.fork()
     if pid:
-        os.close(end)
+        end.close()
         return pid, answer
     try:
-        assert _free is not None
-        done = pickle.dumps(share(), pickle.HIGHEST_PROTOCOL)
-        os.write(_free[1], b"\0")
-        with open(end, "wb") as pipe:
-            pipe.write(done)
+        done = share()
+        _give()
+        end.send(done)
     finally:
         os._exit(0)

@@ -21,6 +21,7 @@ ORDER = (
         "noise",
         "bounded",
         "workers",
+        "forks",
         "database",
         "state",
     ),
