@@ -3,6 +3,8 @@
 import os
 import select
 import signal
+import subprocess
+import sys
 import threading
 
 import numpy as np
@@ -83,6 +85,25 @@ def test_no_fork_beside_another_thread():
     finally:
         stop.set()
         thread.join()
+
+
+def test_the_command_has_no_thread_beside_a_diagnosis(tmp_path):
+    """Else it would never fork."""
+    case = write_case(tmp_path / "case")
+    code = f"""
+import threading
+from softnn.cli import main
+from softnn.mismatch import batch
+def diagnose_one(job):
+    print(threading.active_count())
+    return batch.Outcome("asked")
+batch.diagnose_one = diagnose_one
+main(["diagnose", {str(case)!r}, "--out", "out"])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.stdout.split()[0] == "1"
 
 
 def test_nothing_is_left_open_or_running(two):
