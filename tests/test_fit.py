@@ -204,6 +204,30 @@ def test_all_starts_of_a_law_in_one_pass_are_each_by_itself(law, continued):
         assert np.abs(wanted).max() > 0
 
 
+def test_laws_of_a_strain_that_no_branch_follows_change_what_they_do_in_a_run():
+    """Beside branches of several strains of their own, some change nothing at all."""
+    chunk = effect("finite_strain").telltale()
+    chunks = (chunk, replace(chunk, strain=0.8 * chunk.strain))
+    engine = Engine(Data(("a", "b"), chunks, tuple(c.strain for c in chunks)))
+    units = units_for("pl-wiechert", engine.data)
+    own = effect("finite_strain")
+    directed = next(form for form in own.forms if form.form == "DirectedBranches")
+    others = [e for e in EFFECTS if e.id != own.id and not e.needs_temperature]
+    forms = [form for law in others for form in law.forms if form.acts_before]
+    (beside, *_) = start_pieces(engine, directed)
+    guess = Guess(units, np.linspace(0.5, 1.0, units.columns), (beside,))
+    plain, _ = engine.run(guess, False)
+    idle = 0
+    for form in forms:
+        pieces = start_pieces(engine, form)
+        joined = [replace(guess, pieces=(beside, p)) for p in pieces]
+        alone = [engine.run(one, False)[0] - plain for one in joined]
+        found = engine.by_each(guess, pieces)
+        np.testing.assert_allclose(found, np.stack(alone, axis=1), atol=1e-9)
+        idle += not found.any()
+    assert 0 < idle < len(forms)
+
+
 def test_span_leaves_out_columns_that_depend_on_others():
     x = np.random.default_rng(2).standard_normal((40, 3))
     q = span(np.column_stack([x, x @ [1.0, 2.0, -1.0], np.zeros(40)]))
