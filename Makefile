@@ -38,10 +38,10 @@ neurons: $(STAMP) ## the main job: neurons 1-20 by 10-fold cross-validation, int
 	$(BIN)/python -m studies.neurons $(ARGS)
 
 test: $(STAMP) ## fast tests, about five minutes
-	$(BIN)/python -m pytest -m 'not slow' -n auto
+	$(BIN)/python -m pytest -m 'not slow' -n auto --dist worksteal
 
 test-all: $(STAMP) ## every test, slow ones too
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 check: $(STAMP) ## ruff and mypy
 	$(BIN)/ruff check .

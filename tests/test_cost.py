@@ -87,6 +87,7 @@ def test_refusals(capsys):
 def test_what_is_timed_is_not_timed_again(monkeypatch, tmp_path):
     a = cost.make_parser().parse_args(["--sizes", "60", "70", "--unthinned", "60"])
     a.effects, a.pools, a.usual, a.repeats = ["zero_offset"], [1], 60, 1
+    monkeypatch.setattr(cost, "pools", lambda *_: [["zero_offset"]])
     timed: list[str] = []
 
     def until(most):
