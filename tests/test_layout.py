@@ -21,7 +21,6 @@ ORDER = (
         "noise",
         "bounded",
         "workers",
-        "forks",
         "database",
         "state",
     ),

@@ -15,7 +15,6 @@ import numpy as np
 
 from softnn.contracts import Array, Effect
 from softnn.fit import Engine, Fit, Piece, fit
-from softnn.forks import each
 from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import (
     FIRST,
@@ -113,7 +112,7 @@ def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
     for size, count in enumerate(EXPANDED, start=1):
         bar = max(value(a) for a in found if len(a.effects) < size)
         best = _leaders(a for a in found if len(a.effects) == size and value(a) >= bar)
-        found += itertools.chain(*each(with_more, best[:count]))
+        found += itertools.chain(*map(with_more, best[:count]))
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)
@@ -143,7 +142,7 @@ def _asked_again(
         return _weighed(weigher, expand(engine, less, known, 1, FORMS), whole=True)
 
     every = [(a.fit, name) for a in reversed(best) for name in names(a.fit)]
-    return list(itertools.chain(*each(anew, every)))
+    return list(itertools.chain(*map(anew, every)))
 
 
 def _leaders(found: Iterable[Account]) -> list[Account]:
@@ -184,7 +183,7 @@ def _as_specimens(
     if max(map(value, trials)) < max(map(value, rest)) - NEAR:
         return []
     worth = [a for a in _worth(rest) if a.effects]
-    return trials[:1] + each(lambda a: apart(a, every), worth)
+    return trials[:1] + [apart(a, every) for a in worth]
 
 
 def _as_mistakes(
@@ -233,7 +232,7 @@ def _settled(
             tried.append((max(map(value, few)), noise))
     noise = max(tried, key=lambda t: t[0])[1]
     weigh_by(engine, noise)
-    accounts = each(lambda a: _again(base, weigher, a), ranked)
+    accounts = [_again(base, weigher, a) for a in ranked]
     # The base alone goes first; of its two, with and without scatter, the better.
     bare = next(i for i, a in enumerate(ranked) if not a.effects)
     return noise, [accounts[bare], *accounts[:bare], *accounts[bare + 1 :]]
@@ -300,9 +299,10 @@ def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
     again = fit(engine, base.fit.guess, fixed_base=fixed, iterations=REFITTED)
     if engine.log_norm - before > TOLD * len(engine.target):
         return again, expand(engine, again, pool, FIRST, FORMS)
-    return again, each(
-        lambda f: fit(engine, f.guess, fixed_base=fixed, iterations=REFITTED), first
-    )
+    refitted = [
+        fit(engine, f.guess, fixed_base=fixed, iterations=REFITTED) for f in first
+    ]
+    return again, refitted
 
 
 def _weighed(

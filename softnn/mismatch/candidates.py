@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from softnn.contracts import Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
-from softnn.forks import each
 from softnn.mismatch.locate import held_only
 from softnn.mismatch.screen import (
     Lead,
@@ -94,7 +93,7 @@ def expand(
         for lead in leads_[: forms + 1]  # a score test may be wrong by a place
     ]
     pieces += shown(engine, new)
-    fits = each(lambda piece: refine(engine, base, piece, 6), pieces)
+    fits = [refine(engine, base, piece, 6) for piece in pieces]
     fits = _best_forms([f for f in fits if len(names(f)) > len(names(base))], forms)
 
     def finished(rank: int) -> Fit:
@@ -102,7 +101,7 @@ def expand(
         near = one.chi2 < base.chi2 - 0.5 * (base.chi2 - fits[0].chi2)
         return shaped(engine, screen, one, rank < 3) if rank < 3 or near else one
 
-    return each(finished, range(len(fits)))
+    return [finished(rank) for rank in range(len(fits))]
 
 
 def _best_forms(found: Sequence[Fit], most: int) -> list[Fit]:

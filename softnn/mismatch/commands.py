@@ -134,7 +134,6 @@ def _run(arguments: argparse.Namespace, out: Path, jobs: list[Job]) -> int:
     from softnn.report import write_index
 
     rows: list[dict[str, Any]] = [{} for _ in jobs]
-    tqdm.monitor_interval = 0  # its thread would keep a diagnosis from being forked
     # Nothing but results where nobody looks on.
     bar = tqdm(total=len(jobs), unit="case", disable=len(jobs) < 2 or None)
     for i, outcome in batch.run(jobs, arguments.jobs, arguments.scheduler):
