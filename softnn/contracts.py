@@ -49,7 +49,7 @@ class InputError(ValueError):
 def increments(x: Array, before: ArrayLike) -> Array:
     """What each sample (n, ...) adds to that before it, the first to `before`.
 
-    `np.diff` with `prepend`, a fifth of the time.
+    `np.diff` with `prepend`, in a third of the time.
 
     >>> increments(np.array([1.0, 3.0, 2.0]), 0.0).tolist()
     [1.0, 2.0, -1.0]
@@ -213,7 +213,7 @@ class Signal:
     branch_parts: Parts = ()
 
     def having(self, **changes: Any) -> Signal:
-        """The same with other fields; `dataclasses.replace` takes ten times as long."""
+        """The same with other fields: `dataclasses.replace`, in a third of the time."""
         new = object.__new__(Signal)
         new.__dict__.update(self.__dict__, **changes)
         return new

@@ -11,7 +11,7 @@ from softnn.contracts import Chunk, InputError
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit, put, slots, span
 from softnn.mismatch.base import units_for
-from softnn.mismatch.screen import start_pieces
+from softnn.mismatch.screen import only, start_pieces
 from softnn.models.linear import StandardLinearSolid
 from softnn.models.units import BASES, Units, build
 from softnn.simulate import Term, simulate
@@ -202,6 +202,23 @@ def test_all_starts_of_a_law_in_one_pass_are_each_by_itself(law, continued):
         found = engine.by_each(guess, pieces)
         np.testing.assert_allclose(found, wanted, atol=1e-9 * np.abs(wanted).max())
         assert np.abs(wanted).max() > 0
+
+
+def test_recordings_that_nothing_moves_in_are_not_simulated(monkeypatch):
+    law = effect("grip_slip")
+    chunks = (law.telltale(),) * 3
+    engine = Engine(Data(("a", "b", "c"), chunks, tuple(c.strain for c in chunks)))
+    units = units_for("pl-wiechert", engine.data)
+    guess = Guess(units, np.linspace(0.5, 1.0, units.columns))
+    pieces = [only(p, np.array([1])) for p in start_pieces(engine, law)]
+    asked, through = [], Engine._through
+    monkeypatch.setattr(
+        Engine, "_through", staticmethod(lambda *a: asked.append(a) or through(*a))
+    )
+    change = engine.by_each(guess, pieces)
+    assert len(asked) == 1
+    assert np.abs(change[engine.owner == 1]).max() > 0
+    assert not change[engine.owner != 1].any()
 
 
 def test_laws_of_a_strain_that_no_branch_follows_change_what_they_do_in_a_run():

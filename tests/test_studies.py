@@ -33,12 +33,10 @@ from studies.shown.neurons import published
 
 ROOT = Path(__file__).parents[1]
 FOLDER = Path(studies.__path__[0])
-OWN = {"recordings"}  # run by a test of their own
 NAMES = sorted(
     module.name
     for module in pkgutil.iter_modules([str(FOLDER)])
     if not module.ispkg
-    and module.name not in OWN
     and re.search(r"def main\(|import main", (FOLDER / f"{module.name}.py").read_text())
 )
 

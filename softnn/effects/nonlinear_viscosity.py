@@ -68,7 +68,7 @@ class NonlinearViscosity(Effect):
         sets = max(increment.shape[1], *(a.size for a in shape))
         carried = np.broadcast_to(carried, (sets,)).copy()
         out = np.empty((len(step), sets))
-        flow(step[:, None], np.ascontiguousarray(increment), *shape, carried, out)
+        flow(step[:, None], increment, *shape, carried, out)
         new = signal.having(branches=signal.branches + p["stiffness_MPa"] * out)
         return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
 

@@ -54,7 +54,7 @@ class RelaxationBranch(Effect):
         sets = max(increment.shape[1], tau.size)
         carried = np.broadcast_to(carried, (sets,)).copy()
         out = np.empty((len(step), sets))
-        maxwell(step, np.ascontiguousarray(increment), tau, carried, out)
+        maxwell(step, increment, tau, carried, out)
         new = signal.having(branches=signal.branches + p["stiffness_MPa"] * out)
         return new, (signal.time_s[-1], signal.branch_strain[-1:], carried)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from softnn.bounded import innovations, whitened
 from softnn.contracts import Array, Chunk, Effect, Signal, increments
-from softnn.fit.point import Data, Guess, Piece, Slot
+from softnn.fit.point import Data, Guess, Piece, Slot, apart
 from softnn.models.units import Units
 from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
 
@@ -35,16 +35,6 @@ def span(columns: Array) -> Array:
     size, turn = np.linalg.eigh(columns.T @ columns)
     clear = size > 1e-10 * size.max(initial=0.0)
     return columns @ (turn[:, clear] / np.sqrt(size[clear]))
-
-
-def apart(values: Sequence[Mapping[str, Array]], sets: int) -> NDArray[np.intp]:
-    """The first of the sets of values and those in which any differs from it."""
-    differs = np.zeros(sets, bool)
-    for own in values:
-        for value in own.values():
-            if len(value) == sets:
-                differs |= value != value[0]
-    return np.append(0, np.flatnonzero(differs))
 
 
 class Engine:
@@ -313,7 +303,7 @@ class Engine:
             asked = np.arange(sets)
             if not self.data.continued:
                 memory, carried = {}, None
-                asked = apart(values_, sets)
+                asked = apart(terms, values_, sets)
                 values_ = [
                     {k: v[asked] if len(v) == sets else v for k, v in own.items()}
                     for own in values_

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk, Effect, Scales
 from softnn.models.units import Units
@@ -149,3 +150,21 @@ def put(guess: Guess, where: Sequence[Slot], values: Sequence[float]) -> Guess:
         guess.stiffness,
         tuple(replace(p, values=v) for p, v in zip(guess.pieces, pieces, strict=True)),
     )
+
+
+def apart(
+    terms: Sequence[Term], values: Sequence[Mapping[str, Array]], sets: int
+) -> NDArray[np.intp]:
+    """The first of the sets of values and those that may do something else.
+
+    An effect that is off does nothing, whatever its other values are.
+    """
+    differs = np.zeros(sets, bool)
+    for term, own in zip(terms, values, strict=True):
+        other, off = np.zeros(sets, bool), np.ones(sets, bool)
+        for name, value in own.items():
+            other |= value != value[0]
+            if name in term.effect.off:
+                off &= value == term.effect.off[name]
+        differs |= other & ~(off & off[0])
+    return np.append(0, np.flatnonzero(differs))

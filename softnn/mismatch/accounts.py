@@ -6,15 +6,14 @@ pays: a beam that is wide at first and narrow later.
 
 from __future__ import annotations
 
-import itertools
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from softnn.contracts import Array, Effect
-from softnn.fit import Engine, Fit, Piece, fit
+from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import (
     FIRST,
@@ -105,14 +104,11 @@ def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
     if apart:  # what they hide is asked again
         found += apart[:1]
         found += _weighed(weigher, expand(engine, apart[0].fit, pool, FIRST, FORMS))
-
-    def with_more(account: Account) -> list[Account]:
-        return _weighed(weigher, expand(engine, account.fit, pool, LATER))
-
     for size, count in enumerate(EXPANDED, start=1):
         bar = max(value(a) for a in found if len(a.effects) < size)
         best = _leaders(a for a in found if len(a.effects) == size and value(a) >= bar)
-        found += itertools.chain(*map(with_more, best[:count]))
+        for account in best[:count]:
+            found += _weighed(weigher, expand(engine, account.fit, pool, LATER))
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)
@@ -129,20 +125,24 @@ def _asked_again(
 
     The form that suits an effect was chosen while the others were not there yet.
     """
+    out: list[Account] = []
     engine = weigher.engine
     best = _leaders(a for a in found if len(a.effects) > 1)[:ASKED]
+    for account in reversed(best):
+        for law, fewer in _each_less(account):
+            less = fit(engine, fewer, fixed_base=account.fit.fixed_base)
+            known = [one for one in pool if one.id == law.id]
+            out += _weighed(weigher, expand(engine, less, known, 1, FORMS), whole=True)
+    return out
 
-    def anew(asked: tuple[Fit, str]) -> list[Account]:
-        one, name = asked
-        pieces = one.guess.pieces
-        rest = tuple(p for p in pieces if p.nuisance or p.effect.id != name)
-        fewer = replace(one.guess, pieces=rest)
-        less = fit(engine, fewer, fixed_base=one.fixed_base)
-        known = [law for law in pool if law.id == name]
-        return _weighed(weigher, expand(engine, less, known, 1, FORMS), whole=True)
 
-    every = [(a.fit, name) for a in reversed(best) for name in names(a.fit)]
-    return list(itertools.chain(*map(anew, every)))
+def _each_less(account: Account) -> Iterator[tuple[Effect, Guess]]:
+    """Each effect of an account, and the guess without it."""
+    guess = account.fit.guess
+    for piece in guess.pieces:
+        if not piece.nuisance:
+            rest = tuple(p for p in guess.pieces if p is not piece)
+            yield piece.effect, replace(guess, pieces=rest)
 
 
 def _leaders(found: Iterable[Account]) -> list[Account]:
@@ -163,10 +163,10 @@ def _as_specimens(
     count = len(base.engine.chunks)
     if count < FEWEST or any(p.nuisance for p in base.fit.guess.pieces):
         return []
-    every = scatter(count, [(r,) for r in range(1, count)], unsaid=True)
-    rest = [a for a in found if every.effect.id not in a.effects]
+    each = scatter(count, [(r,) for r in range(1, count)], unsaid=True)
+    rest = [a for a in found if each.effect.id not in a.effects]
 
-    def apart(account: Account, piece: Piece = every) -> Account:
+    def apart(account: Account, piece: Piece = each) -> Account:
         clock = time.perf_counter()
         new = refine(base.engine, account.fit, piece, REFITTED)
         evidence = weigher.weigh(new, whole=False)
@@ -179,11 +179,10 @@ def _as_specimens(
     piece = scatter(count, groups[1:], unsaid=True)
     alike = [apart(a, piece) for a in before]
     if max(map(value, alike)) > value(best):
-        trials, every = alike, piece
+        trials, each = alike, piece
     if max(map(value, trials)) < max(map(value, rest)) - NEAR:
         return []
-    worth = [a for a in _worth(rest) if a.effects]
-    return trials[:1] + [apart(a, every) for a in worth]
+    return trials[:1] + [apart(a, each) for a in _worth(rest) if a.effects]
 
 
 def _as_mistakes(

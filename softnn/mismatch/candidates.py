@@ -75,33 +75,34 @@ def expand(
     """
     screen = Screen(engine, base)
     leads: dict[tuple[str, str, bool], Lead] = {}
-    new = [law for law in pool if law.id not in names(base)]
-    every = [form for law in new for form in law.forms]
-    for lead in (lead for form in every for lead in screen.lead(form, ENTRY)):
-        law, shared = lead.piece.effect, any(len(g) > 1 for g in lead.piece.groups)
-        key = law.id, law.form, shared
-        if key not in leads or lead.gain > leads[key].gain:
-            leads[key] = lead
+    for law in pool:
+        if law.id in names(base):
+            continue
+        for form in law.forms:
+            for lead in screen.lead(form, ENTRY):
+                shared = any(len(g) > 1 for g in lead.piece.groups)
+                key = law.id, form.form, shared
+                if key not in leads or lead.gain > leads[key].gain:
+                    leads[key] = lead
     ranked = sorted(leads.values(), key=lambda lead: -lead.gain)
     ranked = [x for x in ranked if x.gain > max(ENTRY, BESIDE * ranked[0].gain)]
     of: dict[str, list[Lead]] = {}
     for lead in ranked:
         of.setdefault(lead.piece.effect.id, []).append(lead)
-    pieces = [
-        lead.piece
+    found = [
+        refine(engine, base, lead.piece, 6)
         for leads_ in list(of.values())[:most]
         for lead in leads_[: forms + 1]  # a score test may be wrong by a place
     ]
-    pieces += shown(engine, new)
-    fits = [refine(engine, base, piece, 6) for piece in pieces]
-    fits = _best_forms([f for f in fits if len(names(f)) > len(names(base))], forms)
-
-    def finished(rank: int) -> Fit:
-        one = fits[rank]
-        near = one.chi2 < base.chi2 - 0.5 * (base.chi2 - fits[0].chi2)
-        return shaped(engine, screen, one, rank < 3) if rank < 3 or near else one
-
-    return [finished(rank) for rank in range(len(fits))]
+    new = [law for law in pool if law.id not in names(base)]
+    found += [refine(engine, base, piece, 6) for piece in shown(engine, new)]
+    found = [f for f in found if len(names(f)) > len(names(base))]
+    found = _best_forms(found, forms)
+    out = []
+    for rank, one in enumerate(found):
+        near = one.chi2 < base.chi2 - 0.5 * (base.chi2 - found[0].chi2)
+        out.append(shaped(engine, screen, one, rank < 3) if rank < 3 or near else one)
+    return out
 
 
 def _best_forms(found: Sequence[Fit], most: int) -> list[Fit]:
