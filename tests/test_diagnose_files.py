@@ -12,7 +12,7 @@ import softnn.mismatch
 from softnn.cli import main
 from softnn.contracts import InputError
 from softnn.fit import Guess
-from softnn.mismatch import diagnose, read_case
+from softnn.mismatch import diagnose, diagnosis, read_case
 from softnn.model_file import from_dict, read_model, to_dict
 from softnn.simulate import simulate
 
@@ -203,13 +203,18 @@ def test_bad_input_is_one_clear_line(tmp_path, capsys):
     refuse(capsys, ["diagnose", str(folder), *out], "never leaves zero")
 
 
-def test_a_finished_case_is_left_alone_until_its_data_change(tmp_path, capsys):
-    case = tmp_path / "case"
-    (case / "recordings").mkdir(parents=True)
+def small_case(folder):
+    """One recording of a spring, for what is not about the diagnosis."""
+    (folder / "recordings").mkdir(parents=True)
     time, rng = np.linspace(0, 9, 90), np.random.default_rng(0)
     table = {"time_s": time, "strain": 0.3 * (1 - np.abs(time / 4.5 - 1))}
     table["stress_MPa"] = table["strain"] + 0.01 * rng.standard_normal(90)
-    pd.DataFrame(table).to_csv(case / "recordings/a.csv", index=False)
+    pd.DataFrame(table).to_csv(folder / "recordings/a.csv", index=False)
+    return folder
+
+
+def test_a_finished_case_is_left_alone_until_its_data_change(tmp_path, capsys):
+    case = small_case(tmp_path / "case")
     page = tmp_path / "out" / "case" / "report.html"
     again = ["diagnose", str(case), "--out", str(tmp_path / "out"), "--jobs", "1"]
     again += ["--model", "hooke", "--resume"]
@@ -223,6 +228,33 @@ def test_a_finished_case_is_left_alone_until_its_data_change(tmp_path, capsys):
     assert main(again) == 0
     assert "done before" not in capsys.readouterr().out
     assert page.stat().st_mtime_ns > before
+
+
+def test_a_case_that_softnn_fails_on_does_not_stop_the_others(
+    tmp_path, capsys, monkeypatch
+):
+    cases = [small_case(tmp_path / name) for name in ("first", "second")]
+    whole = diagnosis.diagnose
+
+    def failing(case, *rest):
+        if case.name == "first":
+            raise ZeroDivisionError("by a law")
+        return whole(case, *rest)
+
+    monkeypatch.setattr(diagnosis, "diagnose", failing)
+    out, told = tmp_path / "out", tmp_path / "out/first/error.txt"
+    asked = ["diagnose", *map(str, cases), "--out", str(out), "--model", "hooke"]
+    assert main([*asked, "--jobs", "1"]) == 2
+    said = capsys.readouterr()
+    assert "ZeroDivisionError: by a law" in said.err
+    assert str(told) in said.err
+    assert "Traceback" not in said.err
+    assert "in failing" in told.read_text()
+    assert "second" in said.out
+    assert (out / "second/report.html").exists()
+    monkeypatch.undo()
+    assert main([*asked, "--jobs", "1"]) == 0
+    assert not told.exists()
 
 
 def test_what_cannot_be_written_is_refused_before_the_work(tmp_path, capsys):

@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import sys
+import traceback
 from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
 from contextlib import contextmanager
@@ -25,6 +26,7 @@ from softnn.models.units import BASES
 from softnn.readers import ReadOptions
 from softnn.workers import workers
 
+FAILED = "error.txt"  # in that folder, where softnn failed
 DONE = ".done"  # in the folder of a diagnosis, once all of it is written
 
 
@@ -101,25 +103,38 @@ def run(
 
 
 def diagnose_one(job: Job) -> Outcome:
-    """Diagnose one case and write its files."""
+    """Diagnose one case and write its files; where it fails, say so."""
+    try:
+        return _diagnosed(job)
+    except InputError as error:
+        return Outcome(str(error))
+    except Exception as error:  # a fault of softnn: the other cases go on
+        told = job.out / FAILED
+        told.write_text(traceback.format_exc(), encoding="utf-8")
+        what = f"{type(error).__name__}: {error}".splitlines()[0]
+        return Outcome(
+            f"{case_name(job.source)}: softnn failed on it, by no fault of the "
+            f"recordings ({what}); please report it with {told}"
+        )
+
+
+def _diagnosed(job: Job) -> Outcome:
     from softnn import __version__
     from softnn.mismatch import diagnose
 
-    try:
-        case = to_case(job.source, job.as_is, options=job.options)
-        if job.aloud:
-            # What was understood is for who looks on; what is odd is for everybody.
-            said = inferred(case, job.model) if sys.stderr.isatty() else []
-            for line in [*said, *case.notes]:
-                print(line, file=sys.stderr, flush=True)
-        asked, mark = _asked(case, job), job.out / DONE
-        if job.resume and mark.is_file() and mark.read_text() == asked:
-            told = json.loads((job.out / "diagnosis.json").read_text("utf-8"))
-            return Outcome(f"done before: {told['summary']}", told)
-        mark.unlink(missing_ok=True)
-        found = diagnose(case, None if job.model is None else base(job.model), job.seed)
-    except InputError as error:
-        return Outcome(str(error))
+    case = to_case(job.source, job.as_is, options=job.options)
+    if job.aloud:
+        # What was understood is for who looks on; what is odd is for everybody.
+        said = inferred(case, job.model) if sys.stderr.isatty() else []
+        for line in [*said, *case.notes]:
+            print(line, file=sys.stderr, flush=True)
+    asked, mark = _asked(case, job), job.out / DONE
+    if job.resume and mark.is_file() and mark.read_text() == asked:
+        told = json.loads((job.out / "diagnosis.json").read_text("utf-8"))
+        return Outcome(f"done before: {told['summary']}", told)
+    for before in (mark, job.out / FAILED):
+        before.unlink(missing_ok=True)
+    found = diagnose(case, None if job.model is None else base(job.model), job.seed)
     found.result["provenance"] = {
         "softnn": __version__,
         "seed": job.seed,

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lombscargle
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit
@@ -137,5 +136,7 @@ def period(
 
 def _power(at: Array, z: Array, frequency: Array) -> Array:
     """Lomb-Scargle power (k,) at frequencies (k,) of z (n,), over its variance."""
+    from scipy.signal import lombscargle  # half a second, and seldom needed
+
     found = lombscargle(at, z - z.mean(), 2 * np.pi * frequency)
     return np.asarray(found / max(np.var(z), 1e-300))
