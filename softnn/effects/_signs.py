@@ -15,6 +15,7 @@ from softnn.noise import quantum
 APART = 5.5  # times their spread, by which some recordings must differ from the others
 UNMOVED = (0.01, 1e-4)  # of the largest strain: where rest may be, and no motion
 QUIET = 6.0  # noises: stress that is none yet
+ZEROS = 0.002  # of the stress: what those of a machine of class 2 may be, ISO 7500-1
 FEWEST = 3  # recordings, to say which are out of line
 
 

@@ -6,9 +6,7 @@ import numpy as np
 
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import ramps
-from softnn.effects._signs import FEWEST, at_rest, minority, noise, peak
-
-TARED = 0.004  # of the usual peak stress: as well as zeros agree
+from softnn.effects._signs import FEWEST, ZEROS, at_rest, minority, noise, peak
 
 
 class ZeroOffset(Effect):
@@ -64,7 +62,7 @@ class ZeroOffset(Effect):
         if len(known) < FEWEST:
             return None
         floor = max(
-            TARED * float(np.median([peak(s) for s in stress_MPa])),
+            ZEROS * float(np.median([peak(s) for s in stress_MPa])),
             float(np.median([noise(s) for s in stress_MPa])),
         )
         odd = known[minority(level[known], floor)]

@@ -34,6 +34,7 @@ from softnn.mismatch.discrepancy import (
 )
 from softnn.mismatch.specimens import cost, picked, sizes
 from softnn.mismatch.tails import WIDE, shares
+from softnn.mismatch.zeros import Zeros
 
 BENDS, SHARED = 30, 40  # functions that bend an effect, and of the state
 LAGS = (3.0, 30.0)  # typical intervals, by which an effect may trail
@@ -63,7 +64,8 @@ class Evidence:
 
     `bare`: of the laws as they stand; `alone`: either so, or with the form error and a
     discrepancy that is slight; `beside`: with something else of any size. `form`,
-    `beside_size` and `scatter` are the scales of these at their best.
+    `beside_size` and `scatter` are the scales of these at their best. `rest`: of what
+    is read before anything has moved, which is no part of the others (`zeros`).
     """
 
     bare: float
@@ -73,6 +75,7 @@ class Evidence:
     beside_size: float
     scatter: float
     numbers: int  # free ones, of the effects
+    rest: float
 
 
 class Weigher:
@@ -87,6 +90,7 @@ class Weigher:
         self.stiffer = base.stress[:, None] * fourier(x, SHARED, rng)
         self.own = engine.level * by_recording(engine)
         self.unseen = unwritten(engine, base)
+        self.zeros = Zeros(engine)
         self._white: tuple[int, Array, Array, Array] | None = None
 
     def weigh(self, found: Fit, whole: bool = True) -> Evidence:
@@ -164,6 +168,7 @@ class Weigher:
             max(ELSE[i] for i in at[1:APART]),
             SCATTER[place[APART]],
             sum(worth(found, s) for s in found.slots),
+            self.zeros.evidence(found.stress),
         )
 
     def bent(self, change: Array) -> Array:
