@@ -34,9 +34,9 @@ from bench.hands.forging import forge
 from softnn.contracts import Array, InputError
 from softnn.database import Store
 from softnn.effects import EFFECTS
-from softnn.mismatch import read_case
 from softnn.mismatch.accounts import Search, search, value
 from softnn.mismatch.base import start
+from softnn.mismatch.case import read_case
 from softnn.mismatch.posterior import CONSTANTS, Constants, probabilities, table
 from softnn.study.code import files_of
 from softnn.study.common import (

@@ -35,7 +35,9 @@ from bench.concealed.settings import Setting
 from bench.concealed.trial import check_names
 from softnn.contracts import InputError
 from softnn.database import Store
-from softnn.mismatch import accounts, base, diagnose, read_case
+from softnn.mismatch import accounts, base
+from softnn.mismatch.case import read_case
+from softnn.mismatch.diagnosis import diagnose
 from softnn.study.common import (
     COLOURS,
     code_of,

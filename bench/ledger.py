@@ -13,6 +13,7 @@ from typing import Any
 
 from filelock import FileLock
 
+from bench.scoring import Rate
 from softnn import json_file
 from softnn.study.common import markdown
 
@@ -53,6 +54,29 @@ def shared(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
         return True
     keys = ("generator", "side", "seed")
     return one["seed"] is not None and all(one[k] == other[k] for k in keys)
+
+
+def draws(rows: Sequence[Mapping[str, Any]], most: int) -> list[Mapping[str, Any]]:
+    """The newest fresh draws of the families held out, each diagnosed whole."""
+    fresh = [
+        r
+        for r in rows
+        if (r["generator"], r["side"]) == ("hands", "held-out")
+        and not (r["opened_before"] or r.get("undiagnosed"))
+        and r["right"]
+    ]
+    return sorted(fresh, key=lambda r: (r["opened"], r["seed"]))[-most:]
+
+
+def together(rows: Sequence[Mapping[str, Any]]) -> dict[str, Rate]:
+    """Of all cases of these openings, those that were right, a class each."""
+    out: dict[str, Rate] = {}
+    for row in rows:
+        for name, text in row["right"].items():
+            right, of = map(int, text.split(" of "))
+            before = out.get(name, Rate(0, 0))
+            out[name] = Rate(before.right + right, before.of + of)
+    return out
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -26,8 +26,8 @@ from bench.reporting import share
 from bench.scoring import Rate
 from softnn.contracts import InputError
 from softnn.database import Store
-from softnn.mismatch import Case, diagnose, read_case
-from softnn.mismatch.case import LARGEST_STRESS_MPa
+from softnn.mismatch.case import Case, LARGEST_STRESS_MPa, read_case
+from softnn.mismatch.diagnosis import diagnose
 from softnn.readers.tidy import data_folder
 from softnn.recording import Recording, data_hash
 from softnn.study.common import (

@@ -21,7 +21,7 @@ from bench.architectures.page import result_files
 from bench.architectures.trials import TRAINING
 from softnn.contracts import InputError
 from softnn.crossval import Folds
-from softnn.mismatch import Case
+from softnn.mismatch.case import Case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.neural import Seen, StoredNetwork
 from softnn.study.common import RESULTS, guarded, parser, results_folder, write_result

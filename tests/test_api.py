@@ -31,13 +31,19 @@ def springs(count=2, name="r"):
     return out
 
 
-def test_parsing_a_command_brings_no_solver():
-    found = "{'numba', 'scipy', 'pandas'} & set(sys.modules)"
-    code = f"import sys, softnn.cli; print({found})"
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [("softnn", {"numba", "scipy", "pandas"}), ("softnn.cli", {"numba", "scipy"})],
+)
+def test_what_is_heavy_is_imported_when_it_is_needed(module, heavy):
+    code = f"import sys, {module}; print({heavy} & set(sys.modules))"
     said = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert said.stdout.strip() == "set()"
+
+
+def test_the_package_offers_its_api_and_nothing_misspelt():
     assert {"read", "diagnose", "load_model"} <= set(softnn.__all__)
     with pytest.raises(AttributeError, match="no attribute 'raed'"):
         softnn.raed  # noqa: B018

@@ -9,9 +9,9 @@ from made import STIFFNESS, UNITS, histories, straight
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
-from softnn.mismatch import Case, diagnose
 from softnn.mismatch.candidates import candidates
-from softnn.mismatch.case import mask_gaps, thin, to_data
+from softnn.mismatch.case import Case, mask_gaps, thin, to_data
+from softnn.mismatch.diagnosis import diagnose
 from softnn.mismatch.locate import only_loading
 from softnn.mismatch.verify import heldout, ratio_interval
 from softnn.models.units import Units

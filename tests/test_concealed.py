@@ -113,6 +113,7 @@ def test_a_trial_killed_twice_is_the_same_trial(stand_in):
     assert result["headline"]["held-out/single_right"] == 1
     (row,) = opened()
     assert row["right"]["pair"] == "0 of 1"
+    assert row["undiagnosed"] == 0
     assert (row["side"], row["seed"], row["opened_before"]) == ("held-out", 7, [])
     # Scored again it is the same opening; forged again it was opened before.
     assert trial.main(["--score-only", "t"]) == 0

@@ -7,7 +7,9 @@ import pytest
 
 from bench import cost
 from softnn.database import Store
-from softnn.mismatch import base, diagnose, read_case
+from softnn.mismatch import base
+from softnn.mismatch.case import read_case
+from softnn.mismatch.diagnosis import diagnose
 
 
 @pytest.fixture(scope="module")

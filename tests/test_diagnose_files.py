@@ -12,7 +12,9 @@ import softnn.mismatch
 from softnn.cli import main
 from softnn.contracts import InputError
 from softnn.fit import Guess
-from softnn.mismatch import diagnose, diagnosis, read_case
+from softnn.mismatch import diagnosis
+from softnn.mismatch.case import read_case
+from softnn.mismatch.diagnosis import diagnose
 from softnn.model_file import from_dict, read_model, to_dict
 from softnn.simulate import simulate
 

@@ -11,7 +11,7 @@ from bench.recordings.rows import Row, fault_scores, rate
 from softnn import Recording
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
-from softnn.mismatch import Case
+from softnn.mismatch.case import Case
 from softnn.simulate import Term, simulate
 
 

@@ -9,11 +9,12 @@ from made import STIFFNESS, UNITS, histories, mullins, straight, write_case
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from softnn.effects import effect
-from softnn.mismatch import diagnose, diagnosis, read_case, verdict, verify
+from softnn.mismatch import diagnosis, verdict, verify
 from softnn.mismatch.accounts import search
 from softnn.mismatch.base import baseline, start
 from softnn.mismatch.candidates import ENTRY, expand
-from softnn.mismatch.case import to_data
+from softnn.mismatch.case import read_case, to_data
+from softnn.mismatch.diagnosis import diagnose
 from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.screen import Screen
 from softnn.models.units import Units
@@ -44,12 +45,8 @@ def test_softening_is_named_measured_and_located(tmp_path):
     assert fit_["after"]["heldout_nrmse"] < 1.2 * fit_["noise_nrmse"]
     assert fit_["heldout_ratio_95"][1] < 0.6
     # First loading is where softening does not act.
-    assert {r["branch"] for r in result["mismatch"]} <= {
-        "unloading",
-        "reloading",
-        "hold",
-        "first loading",
-    }
+    where = {r["branch"] for r in result["mismatch"]}
+    assert where <= {"unloading", "reloading", "hold", "first loading"}
     first = sum(
         r["share"] for r in result["mismatch"] if r["branch"] == "first loading"
     )

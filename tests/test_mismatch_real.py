@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from bench.recordings.faults import FAULTS, faulty
-from softnn.mismatch import Case, diagnose
+from softnn.mismatch.case import Case
+from softnn.mismatch.diagnosis import diagnose
 from softnn.readers.tidy import read_set
 
 pytestmark = [

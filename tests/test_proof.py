@@ -252,6 +252,11 @@ def test_the_page_of_other_hands_quotes_the_results(tmp_path):
     opening |= {"generator": "hands", "side": "held-out", "seed": 7}
     opening |= {"counts": {"single": 4, "null": 1}, "right": {"single": "4 of 4"}}
     ledger.enter(opening, results)
+    ledger.enter(opening | {"trial": "y"}, results)  # the same draw again is not fresh
+    other = opening | {"trial": "z", "seed": 8, "right": {"single": "2 of 6"}}
+    ledger.enter(other, results)
+    ledger.enter(other | {"trial": "dead", "seed": 9, "undiagnosed": 5}, results)
+    ledger.enter(other | {"trial": "dev", "side": "development"}, results)
     make.make(results, docs)
     text = re.sub(r" +", " ", (docs / "proof-hands.md").read_text())
     assert "5 cases, seed 7 (1 null, 4 single)" in text
@@ -266,6 +271,8 @@ def test_the_page_of_other_hands_quotes_the_results(tmp_path):
     assert (
         "| 2026-01-02 | hands | held-out | 7 | held-out | 5 | single 4 of 4 |" in text
     )
+    fresh = "| 7 | | 4 of 4 |\n| 8 | | 2 of 6 |\n| together | | 60 % (31 to 83) |"
+    assert fresh in text
     for name in ("naming", "reliability"):
         assert (docs / f"figures/proof-hands-{name}.png").stat().st_size > 3000
     assert "(proof-hands.md)" in (docs / "proof.md").read_text()

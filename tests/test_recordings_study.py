@@ -18,7 +18,7 @@ from softnn import Recording
 from softnn.database import Store
 from softnn.effects import effect
 from softnn.fit import Guess
-from softnn.mismatch import Case
+from softnn.mismatch.case import Case
 from softnn.model_file import to_dict
 from softnn.readers.tidy import data_folder
 from softnn.study.common import made_by

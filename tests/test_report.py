@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from softnn.axes import SPECIMEN, Axes
-from softnn.mismatch import Case
+from softnn.mismatch.case import Case
 from softnn.mismatch.words import summary
 from softnn.recording import Recording
 from softnn.report import write_index, write_report

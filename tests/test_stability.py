@@ -12,7 +12,7 @@ from made import write_case
 
 from bench import stability
 from softnn.database import Store
-from softnn.mismatch import read_case
+from softnn.mismatch.case import read_case
 
 
 @pytest.fixture(scope="module")

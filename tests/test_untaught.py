@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from softnn.effects import effect
-from softnn.mismatch import Case, diagnose, untaught
+from softnn.mismatch import untaught
+from softnn.mismatch.case import Case
+from softnn.mismatch.diagnosis import diagnose
 from softnn.neural import Seen, StoredNetwork, samples, train
 from softnn.recording import Recording
 

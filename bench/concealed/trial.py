@@ -247,7 +247,8 @@ def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
     report(folder, record, scores, a.tracking)
     naming = scores["all"]["naming"]
     right = {c: f"{n['right']} of {n['of']}" for c, n in naming.items()}
-    ledger.enter(opening | {"right": right}, where)
+    lacking = len(undiagnosed(folder, place / "cases"))  # and so counted as wrong
+    ledger.enter(opening | {"right": right, "undiagnosed": lacking}, where)
 
 
 def opening_of(

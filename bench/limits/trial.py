@@ -100,7 +100,8 @@ def ordered(
 
 def outcome(order: orders.Order) -> dict[str, Any]:
     """Forge a case, diagnose what may be seen of it, compare with the answer."""
-    from softnn.mismatch import diagnose, read_case
+    from softnn.mismatch.case import read_case
+    from softnn.mismatch.diagnosis import diagnose
 
     with tempfile.TemporaryDirectory() as folder:
         answer = sealing.write_case(order, Path(folder))

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from bench.proof.page import Page
 
 Result = Mapping[str, Any]
+POOLED = 5  # draws of the families held out, shown together
 SAME, FALSE = 0.98, 0.02  # bars for recordings that are hardly changed, or quieter
 CLASS_NAMES = {
     "null": "nothing left out",
@@ -90,6 +91,23 @@ def stability(page: Page, found: Result) -> None:
 
 def openings(page: Page, found: Result) -> None:
     rows = found["openings"]
+    draws = ledger.draws(rows, POOLED)
+    sums = ledger.together(draws)
+    page.say(
+        f"The {len(draws)} newest fresh draws of the families held out, by the code of "
+        "the time: all cases, those too that can hardly be seen. What one draw of some "
+        "fifty has more than another is mostly luck; no case was opened twice.",
+        markdown(
+            ["seed", "code", *(CLASS_NAMES[c] for c in sums)],
+            [
+                *(
+                    [str(r["seed"]), ", ".join(r["code"]), *map(r["right"].get, sums)]
+                    for r in draws
+                ),
+                ["together", "", *(share(rate.entry()) for rate in sums.values())],
+            ],
+        ),
+    )
     page.say(
         f"{len(rows)} openings, the newest first. Named and right, class by class, as "
         "the rule of the time counted; of what is on no list, cases without any name. "

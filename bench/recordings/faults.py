@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.recordings.groups import amplitude, first_turn, holds
-from softnn.mismatch import Case
+from softnn.mismatch.case import Case
 from softnn.recording import Recording
 
 SIBLINGS = 4  # specimens, among which one may stand out

@@ -11,7 +11,7 @@ import numpy as np
 
 from bench.recordings.sets import SETS, About, Material
 from softnn.contracts import InputError
-from softnn.mismatch import Case
+from softnn.mismatch.case import Case
 from softnn.recording import Recording
 
 REVERSAL = 0.05  # of the range of strain: less is no way back

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array
-from softnn.mismatch import Case
-from softnn.mismatch.case import mask_failure, mask_gaps, thin, to_data
+from softnn.mismatch.case import Case, mask_failure, mask_gaps, thin, to_data
 from softnn.model_file import from_dict
 
 BLOCKS = 8  # stretches a recording is cut into for the bootstrap

@@ -25,8 +25,8 @@ from bench.recordings.rows import MAIN, Row, version
 from bench.recordings.virtual import made_up
 from softnn.contracts import InputError
 from softnn.database import Store
-from softnn.mismatch import Diagnosis, diagnose
 from softnn.mismatch.case import to_data
+from softnn.mismatch.diagnosis import Diagnosis, diagnose
 from softnn.models.units import BASES
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash

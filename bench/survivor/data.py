@@ -14,8 +14,8 @@ from bench.recordings.groups import discover
 from bench.recordings.predict import usable
 from softnn import virtual
 from softnn.materials import material
-from softnn.mismatch import Case, diagnose
-from softnn.mismatch.case import to_data
+from softnn.mismatch.case import Case, to_data
+from softnn.mismatch.diagnosis import diagnose
 from softnn.model_file import Stored, from_dict
 from softnn.readers.tidy import data_folder
 from softnn.recording import Geometry, Recording

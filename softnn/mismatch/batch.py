@@ -120,7 +120,7 @@ def diagnose_one(job: Job) -> Outcome:
 
 def _diagnosed(job: Job) -> Outcome:
     from softnn import __version__
-    from softnn.mismatch import diagnose
+    from softnn.mismatch.diagnosis import diagnose
 
     case = to_case(job.source, job.as_is, options=job.options)
     if job.aloud:

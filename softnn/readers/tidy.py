@@ -16,15 +16,13 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from softnn.contracts import InputError
 from softnn.recording import Recording, check_columns, columns_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MAX_BYTES = 500_000_000  # 10 million samples; anything larger is not one test
 
@@ -162,12 +160,10 @@ def read_tidy(path: str | Path, **about: object) -> Recording:
 
 def table(path: Path) -> pd.DataFrame:
     """The cells of a CSV file as pandas reads them. Raises `InputError`."""
-    import pandas as pd  # a third of a second, and not for `softnn --help`
-
     text = read_text(path)
     try:
         frame = pd.read_csv(io.StringIO(text), skip_blank_lines=False)
-    except ValueError as error:
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
         raise _unreadable(path, text, error) from None
     frame.columns = [str(c).strip() for c in frame.columns]
     # Trailing blank lines are how some editors end a file, not samples.
@@ -201,8 +197,6 @@ def read_text(path: Path) -> str:
 
 def numbers(column: pd.Series, path: Path) -> np.ndarray:
     """A column (n,) of a table, NaN where a cell is empty. `InputError` for text."""
-    import pandas as pd
-
     values = pd.to_numeric(column, errors="coerce").to_numpy(float)
     text = np.isnan(values) & column.notna().to_numpy()
     if text.any():
