@@ -31,8 +31,8 @@ def engine(begins=(0.0, 0.0, 0.0, 0.0), continued=False):
     return Engine(Data(names, tuple(chunks), tuple(stress), continued))
 
 
-def zeros(made, stress):
-    return Zeros(made).evidence(stress)
+def zeros(made, stress, effects=0.0):
+    return Zeros(made).evidence(stress, effects + 0 * stress)
 
 
 def off(made, values):
@@ -67,6 +67,18 @@ def test_what_all_have_alike_is_no_news_and_one_apart_is():
     apart = zeros(made, off(made, [0, 0, 0, 0.05 * TOP]))
     assert zero - least < 1.0
     assert zero - apart > 8.0
+
+
+def test_an_account_may_set_a_zero_and_is_held_to_it_loosely():
+    made = engine()
+    zero = zeros(made, off(made, np.zeros(4)))
+    fourth = 0.1 * (made.owner == 3)  # what an effect makes of the last recording
+    assert zeros(made, off(made, np.zeros(4)), fourth) == pytest.approx(zero)
+    # By how far it misses what is read there, over what a machine may err by: 2 %.
+    far = zeros(made, off(made, [0, 0, 0, 0.04]), fourth)
+    assert far == pytest.approx(zero - 0.5, abs=0.01)
+    # A zero that it does not set is held to the others.
+    assert zeros(made, off(made, [0, 0, 0.1, 0]), fourth) < zero - 8
 
 
 def test_where_a_specimen_has_moved_nothing_is_known():

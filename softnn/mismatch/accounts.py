@@ -24,8 +24,9 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.evidence import CLASS, SCATTER, Evidence, Weigher, mistaken
+from softnn.mismatch.evidence import SCATTER, Evidence, Weigher, mistaken
 from softnn.mismatch.specimens import shared
+from softnn.mismatch.zeros import CLASS
 from softnn.noise import Noise
 
 EXPANDED = (3, 1)  # accounts of one, two effects that are given one more

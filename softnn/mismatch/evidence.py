@@ -34,7 +34,7 @@ from softnn.mismatch.discrepancy import (
 )
 from softnn.mismatch.specimens import cost, picked, sizes
 from softnn.mismatch.tails import WIDE, shares
-from softnn.mismatch.zeros import Zeros
+from softnn.mismatch.zeros import CLASS, Zeros
 
 BENDS, SHARED = 30, 40  # functions that bend an effect, and of the state
 LAGS = (3.0, 30.0)  # typical intervals, by which an effect may trail
@@ -49,7 +49,6 @@ FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are as they stand, and all there is
 ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is
-CLASS = 0.02  # of the stress: a machine of class 2 errs no more, ISO 7500-1
 # Of columns that are nearly one products are known to rounding alone: the least works.
 ROUNDING, ROUNDED = (1e-10, 1e-9, 1e-8), 1e-12
 MOST = 0.03  # of samples, that may be off by more than noise
@@ -104,7 +103,8 @@ class Weigher:
             other, unseen = engine.whiten(both), engine.whiten(self.unseen)
             self._white = engine.noises, other, unseen, other.T @ other
         _, other, unseen, products = self._white
-        bent = [self.bent(change) for change in changes(engine, found)]
+        made = changes(engine, found)
+        bent = [self.bent(change) for change in made]
         form = (
             engine.whiten(np.concatenate(bent, axis=1))
             if bent
@@ -168,7 +168,7 @@ class Weigher:
             max(ELSE[i] for i in at[1:APART]),
             SCATTER[place[APART]],
             sum(worth(found, s) for s in found.slots),
-            self.zeros.evidence(found.stress),
+            self.zeros.evidence(found.stress, sum(made, 0 * found.stress)),
         )
 
     def bent(self, change: Array) -> Array:
