@@ -132,7 +132,7 @@ def lessons(folder: Path, jobs: int, fresh: bool) -> list[dict[str, Any]]:
 class Lessons:
     """Rows of all lessons, padded with rows of no evidence.
 
-    `every` (lessons, hypotheses, 8) as `probabilities` takes it; `holds` (lessons,
+    `every` (lessons, hypotheses, 7) as `probabilities` takes it; `holds` (lessons,
     hypotheses, names) where a hypothesis holds an effect, or is that nothing is missing
     (the last); `true` (lessons, names); `kind` (lessons,) of case.
     """

@@ -262,6 +262,7 @@ class Effect(ABC):
     shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
     part_of: tuple[str, ...] = ()  # bases that have it already
     scatter: bool = False  # what specimens of one material differ by
+    unmoved: bool = False  # whether it is read before anything has moved
     needs_temperature: bool = False
     # Whether the stress of a moment changes what comes out at that moment alone.
     pointwise: bool = True

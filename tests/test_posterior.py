@@ -40,7 +40,7 @@ HAND = Constants(
 )
 
 
-def account(*names, bare=None, alone=0.0, beside=0.0, numbers=0, own=False, rest=0.0):
+def account(*names, bare=None, alone=0.0, beside=0.0, numbers=0, own=False):
     """An account as the posterior sees it; `own`: each effect has values of its own."""
     pieces = [Piece(effect(n), {}, (), ()) for n in names]
     pieces.append(Piece(effect("gain_error"), {}, (), ((0,), (1,)), nuisance=True))
@@ -49,31 +49,30 @@ def account(*names, bare=None, alone=0.0, beside=0.0, numbers=0, own=False, rest
     places += [(len(names), (1,)), (-1, (0,))]  # specimens, and a value of the base
     slots = [SimpleNamespace(piece=i, recordings=r) for i, r in places]
     bare = alone if bare is None else bare
-    known = Evidence(bare, alone, beside, 0.0, 0.0, 0.0, numbers, rest)
+    known = Evidence(bare, alone, beside, 0.0, 0.0, 0.0, numbers)
     fit = SimpleNamespace(guess=guess, residual=np.zeros(N), slots=slots)
     return Account(fit, known)
 
 
 def test_figures_are_counted():
-    told = {"bare": 4, "alone": 5, "beside": 7, "numbers": 3, "rest": -2}
-    both = account("slack", "inertia", own=True, **told)
-    assert both.figures == pytest.approx([4, 5, 7, 1.5 * np.log(N), np.log(N), -2])
+    both = account("slack", "inertia", bare=4, alone=5, beside=7, numbers=3, own=True)
+    assert both.figures == pytest.approx([4, 5, 7, 1.5 * np.log(N), np.log(N)])
     # A scale that is a mistake pays by its prior alone.
     wrong = account("gain_error", alone=9.0, beside=9.0, own=True)
-    assert wrong.figures == pytest.approx([9, 9, 9, 0, 0, 0])
+    assert wrong.figures == pytest.approx([9, 9, 9, 0, 0])
     # The scatter between specimens is no effect.
-    assert account(beside=5.0).figures == pytest.approx([0, 0, 5, 0, 0, 0])
+    assert account(beside=5.0).figures == pytest.approx([0, 0, 5, 0, 0])
 
 
 NONE = -1e9  # no evidence to speak of
-# As they stand, alone, beside anything; prices; at rest; effects; whether on no list.
+# As they stand, alone, beside anything; prices; effects; whether on no list.
 TABLE = np.array(
     [
-        [100.0, 100.0, 100.0, 0, 0, 0, 0, 0],  # nothing
-        [100.0, 136.0, 136.0, 0, 0, 0, 0, 1],  # something on no list
-        [165.0, 165.0, NONE, 1, 1, 0, 1, 0],  # an effect, one number and that its own
-        [160.0, 160.0, NONE, 0, 0, 0, 1, 0],  # another
-        [153.0, NONE, 157.0, 0, 0, 0, 2, 0],  # two, as good as surely beside something
+        [100.0, 100.0, 100.0, 0, 0, 0, 0],  # nothing
+        [100.0, 136.0, 136.0, 0, 0, 0, 1],  # something on no list
+        [165.0, 165.0, NONE, 1, 1, 1, 0],  # an effect, one number and that its own
+        [160.0, 160.0, NONE, 0, 0, 1, 0],  # another
+        [153.0, NONE, 157.0, 0, 0, 2, 0],  # two, as good as surely beside something
     ]
 )
 
@@ -96,11 +95,11 @@ def test_probabilities_of_a_small_table():
 
 
 def test_what_laws_leave_costs_its_root_and_makes_tails_heavier():
-    nothing = np.array([97.0, 97.0, 97.0, 0, 0, 0, 0, 0])
+    nothing = np.array([97.0, 97.0, 97.0, 0, 0, 0, 0])
     one = TABLE[2].copy()
     one[2] = one[0] + 9.0  # what flexible terms gain beside it: 161 are left of 165
-    another = np.array([156.0, 156.0, NONE, 0, 0, 0, 1, 0])
-    two = np.array([190.0, 190.0, NONE, 0, 0, 0, 2, 0])
+    another = np.array([156.0, 156.0, NONE, 0, 0, 1, 0])
+    two = np.array([190.0, 190.0, NONE, 0, 0, 2, 0])
     rows = np.array([nothing, TABLE[1], one, another, two])
     scarce = replace(HAND, both=1e6)  # counts for D alone
     which = np.exp([-0.25, -lost(5.0, 2.0 + 2.0 / 10.0)])
@@ -123,24 +122,11 @@ def test_what_laws_leave_costs_its_root_and_makes_tails_heavier():
     assert usual[3] / usual[2] == pytest.approx(np.exp(0.25 - lost(5.0, 3.0)))
 
 
-def test_what_is_read_at_rest_counts_in_full():
-    rows = TABLE.copy()
-    rows[[0, 1, 3], 5] = [-40.0, -40.0, -45.0]
-    before, after = probabilities(TABLE, HAND), probabilities(rows, HAND)
-    expected = before * np.exp(rows[:, 5])
-    np.testing.assert_allclose(after, expected / expected.sum(), atol=1e-12)
-    # Of two forms of a set the one that says what is read there.
-    forms = [account(), account("slack", alone=9.0, rest=-5.0),
-             account("slack", alone=8.0)]  # fmt: skip
-    found = posterior(forms, HAND)
-    assert [h.account for h in found.hypotheses if h.effects] == [forms[2]]
-
-
 def test_the_same_lead_says_less_where_more_is_gained():
     wide = replace(HAND, share=0.5)
 
     def lead(gain):
-        rows = np.array([[0.0] * 8] + 2 * [[0, 0, NONE, 0, 0, 0, 1, 0]])
+        rows = np.array([[0.0, 0, 0, 0, 0, 0, 0]] + 2 * [[0, 0, NONE, 0, 0, 1, 0]])
         rows[1:, 0] = rows[1:, 1] = [gain, gain + 3.0]
         _, second, first = probabilities(rows, wide)
         return first / second
@@ -164,8 +150,8 @@ def test_false_companions_do_not_crowd_out_an_effect():
     # Each further law of twelve that gains nothing: how many of them were tried is no
     # reason to believe that there are two.
     def alone(companions):
-        two = [[100.0, 100.0, NONE, 0, 0, 0, 2, 0]] * companions
-        one = [[0.0] * 8, [100.0, 100.0, NONE, 0, 0, 0, 1, 0]]
+        two = [[100.0, 100.0, NONE, 0, 0, 2, 0]] * companions
+        one = [[0.0, 0, 0, 0, 0, 0, 0], [100.0, 100.0, NONE, 0, 0, 1, 0]]
         return probabilities(np.array(one + two), HAND)[1]
 
     assert alone(12) == pytest.approx(alone(1))
@@ -189,8 +175,8 @@ def test_a_law_and_something_else_share_one_evidence():
 
 def odds(gain, constants=HAND):
     """Log odds of an effect that gains so much over nothing."""
-    rows = np.zeros((2, 8))
-    rows[1, [0, 1, 6]] = [gain, gain, 1]
+    rows = np.zeros((2, 7))
+    rows[1, [0, 1, 5]] = [gain, gain, 1]
     rows[:, 2] = -np.inf
     nothing, effect_ = probabilities(rows, constants)
     return np.log(effect_ / nothing)

@@ -30,6 +30,7 @@ class ZeroOffset(Effect):
     amplitude = "offset_MPa"
     per_recording: tuple[str, ...] = ("offset_MPa",)
     some = True
+    unmoved = True
     where = "all through some recordings, at any strain"
     twins = {
         "slack": "a hold at zero strain before loading",

@@ -24,9 +24,8 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.evidence import SCATTER, Evidence, Weigher, mistaken
+from softnn.mismatch.evidence import CLASS, SCATTER, Evidence, Weigher, mistaken
 from softnn.mismatch.specimens import shared
-from softnn.mismatch.zeros import CLASS
 from softnn.noise import Noise
 
 EXPANDED = (3, 1)  # accounts of one, two effects that are given one more
@@ -55,11 +54,11 @@ class Account:
 
     @property
     def figures(self) -> Array:
-        """What a posterior weighs (6,), nats.
+        """What a posterior weighs (5,), nats.
 
         Evidence of laws as they stand, of them with what is slight beside, and with
         anything beside; (log n) / 2 for each number, and for each that is of single
-        recordings; evidence of what is read at rest.
+        recordings.
         """
         found, evidence = self.fit, self.evidence
         one, pieces = 0.5 * np.log(len(found.residual)), found.guess.pieces
@@ -69,16 +68,15 @@ class Account:
             and not (pieces[s.piece].nuisance or mistaken(found, s))
             for s in found.slots
         )
-        of = evidence
-        numbers = [of.numbers * one, own * one]
-        return np.array([of.bare, of.alone, of.beside, *numbers, of.rest])
+        numbers = [evidence.numbers * one, own * one]
+        return np.array([evidence.bare, evidence.alone, evidence.beside, *numbers])
 
 
 def value(account: Account) -> float:
     """Evidence less a price for numbers and effects: what to go on with."""
     n = len(account.fit.residual)
     price = 0.5 * account.evidence.numbers * np.log(n) + PRICE * len(account.effects)
-    return float(account.evidence.alone + account.evidence.rest - price)
+    return float(account.evidence.alone - price)
 
 
 @dataclass

@@ -9,6 +9,7 @@ doi:10.1214/06-BA117A), or one of them with a size of its own. All of it is summ
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -104,26 +105,38 @@ def mistaken(found: Fit) -> frozenset[str]:
 
 
 def with_mistakes(probable: Posterior, engine: Engine) -> Posterior:
-    """The posterior with each hypothesis shared: no specimen is a mistake, or one is.
+    """The posterior, each hypothesis shared: no specimen is a mistake, or one is."""
 
-    Beside something on no list a mistake leaves that there.
+    def ask(found: Fit) -> tuple[float, Fit] | None:
+        if any(p.effect.scatter and not p.nuisance for p in found.guess.pieces):
+            return None
+        chance = told(found)
+        if not chance.sum() > 0:
+            return None
+        guess, fixed = wrong(found.guess, int(chance.argmax())), found.fixed_base
+        if not allowed(guess):
+            return None
+        return float(chance.sum()), fit(engine, guess, fixed_base=fixed, iterations=0)
+
+    return asked_apart(probable, ask)
+
+
+def asked_apart(
+    probable: Posterior, ask: Callable[[Fit], tuple[float, Fit] | None]
+) -> Posterior:
+    """The posterior with each hypothesis shared between what it is and one effect more.
+
+    `ask` has of a fit how likely that is, and the fit with it; or None. Beside
+    something on no list it leaves that there.
     """
     hypotheses, probability = list(probable.hypotheses), list(probable.probability)
     beside = list(probable.beside)
     for i, one in enumerate(probable.hypotheses):
-        found = one.account.fit
-        if any(p.effect.scatter and not p.nuisance for p in found.guess.pieces):
+        asked = ask(one.account.fit) if probability[i] >= LEAST else None
+        if asked is None or probability[i] * asked[0] < LEAST:
             continue
-        chance = told(found)
-        which = int(chance.argmax()) if len(chance) else 0
-        share = probable.probability[i] * chance.sum()
-        if share < LEAST:
-            continue
-        guess, fixed = wrong(found.guess, which), found.fixed_base
-        if not allowed(guess):
-            continue
-        again = fit(engine, guess, fixed_base=fixed, iterations=0)
-        hypotheses.append(Hypothesis(replace(one.account, fit=again)))
+        share = probability[i] * asked[0]
+        hypotheses.append(Hypothesis(replace(one.account, fit=asked[1])))
         probability[i] -= share
         probability.append(share)
         beside.append(1.0 if one.other else probable.beside[i])

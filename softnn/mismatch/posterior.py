@@ -86,7 +86,7 @@ class Hypothesis:
 
 def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
     """Of hypotheses, and how much of it is of something else beside their effects."""
-    alone, some = table[..., 1], table[..., 6] > 0
+    alone, some = table[..., 1], table[..., 5] > 0
     beside = np.where(some, table[..., 2] - constants.both, -np.inf)
     both = np.logaddexp(alone, beside)
     return both, np.exp(beside - np.where(np.isfinite(both), both, 0.0))
@@ -94,7 +94,7 @@ def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
 
 def _value(table: Array, constants: Constants) -> tuple[Array, Array]:
     """v of hypotheses, and D."""
-    bare, _, beside, price, _, _, count, _ = np.moveaxis(table, -1, 0)
+    bare, _, beside, price, _, count, _ = np.moveaxis(table, -1, 0)
     left = np.where(count > 0, np.maximum(beside - bare, 0.0), 0.0)
     paid = constants.number * price + constants.left * np.sqrt(left)
     return _evidence(table, constants)[0] - paid, left
@@ -114,14 +114,13 @@ def _normal(log: Array) -> Array:
 
 
 def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
-    """Of hypotheses (..., hypotheses, 8), the first that of nothing.
+    """Of hypotheses (..., hypotheses, 7), the first that of nothing.
 
-    A row: what is in `Account.figures`, how many effects, and whether it is something
-    on no list. Rows of no evidence (-inf), alone or beside, are none. What is read at
-    rest is no value that laws make wrong: it counts as it is.
+    A row: the three evidences and two prices of `Account.figures`, effects, and whether
+    it is something on no list. Rows of no evidence (-inf), alone or beside, are none.
     """
     k = constants
-    _, _, _, _, own, rest, count, other = np.moveaxis(table, -1, 0)
+    _, _, _, _, own, count, other = np.moveaxis(table, -1, 0)
     value, left = _value(table, k)
     gain = np.where(count > 0, np.maximum(value - value[..., :1], 0.0), 0.0)
 
@@ -153,11 +152,7 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
     nothing = np.exp(-_lost(top - none, k.noise))
     weight = each.sum(axis=-2)
     weight += np.where(count > 0, 0.0, np.where(other > 0, strange, nothing))
-    there = np.isfinite(value)
-    weight = np.where(there, weight, 0.0)
-    weight *= np.exp(
-        rest - np.max(rest, axis=-1, keepdims=True, where=there, initial=-np.inf)
-    )
+    weight = np.where(np.isfinite(value), weight, 0.0)
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
 
@@ -232,16 +227,16 @@ class Posterior:
 def table(
     sets: Sequence[frozenset[str]], figures: Array, constants: Constants = CONSTANTS
 ) -> tuple[list[tuple[int, bool]], Array]:
-    """Hypotheses and their rows (hypotheses, 8): of each set of effects the best form.
+    """Hypotheses and their rows (hypotheses, 7): of each set of effects the best form.
 
-    `figures` (accounts, 6) as `Account.figures`; each hypothesis is the place of its
+    `figures` (accounts, 5) as `Account.figures`; each hypothesis is the place of its
     account, and whether it is something on no list.
     """
     every = [(i, False) for i in range(len(sets))]
     every += [(i, True) for i, effects in enumerate(sets) if not effects]
     rows = np.array([[*figures[i], len(sets[i]), other] for i, other in every], float)
-    rows[:, 1] = np.where(rows[:, 7] > 0, rows[:, 2], rows[:, 1])
-    worth = _value(rows, constants)[0] + rows[:, 5]
+    rows[:, 1] = np.where(rows[:, 6] > 0, rows[:, 2], rows[:, 1])
+    worth = _value(rows, constants)[0]
     best: dict[tuple[frozenset[str], bool], int] = {}
     for k, (i, other) in enumerate(every):
         key = sets[i], other

@@ -8,6 +8,7 @@ from softnn.mismatch.accounts import Search
 from softnn.mismatch.base import weigh_by
 from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import NAMED, SURE, posterior
+from softnn.mismatch.zeros import with_zeros
 
 NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
 HELPS = 1 / 3  # of the held-out misfit over the noise, that an explanation takes away
@@ -25,7 +26,8 @@ class Told:
 
     def __init__(self, found: Search) -> None:
         self.found, self.base, self.engine = found, found.base, found.base.engine
-        self.probable = with_mistakes(posterior(found.accounts), self.engine)
+        told = with_mistakes(posterior(found.accounts), self.engine)
+        self.probable = with_zeros(told, self.engine)
         self.account = self.probable.best
         base = self.base.fit
         self.heldout_before = verify.heldout(self.engine, base)

@@ -1,10 +1,11 @@
-"""What is read before anything has moved: no law of a material has a part in it.
+"""Is a zero apart from the others, before anything has moved?
 
 A specimen at rest that has seen no strain bears no stress, whatever it is made of, and
-what laws get wrong begins when it moves. So zeros are likely or not by themselves,
-under any account: they differ by a spread that is half-Cauchy (Gelman 2006,
-doi:10.1214/06-BA117A), of the scale that a machine of class 2 may be off by (ISO
-7500-1). What all recordings have alike is a preload, and no news.
+what laws get wrong begins when it moves. So that is asked of what is read at rest
+alone, and of every hypothesis. Zeros differ by a spread that is half-Cauchy (Gelman
+2006, doi:10.1214/06-BA117A), of the scale that a machine of class 2 may be off by (ISO
+7500-1); or so and some are apart, by a size of their own. All of it is summed over.
+What all recordings have alike is a preload, and no news.
 """
 
 from __future__ import annotations
@@ -13,54 +14,52 @@ import numpy as np
 from scipy.special import logsumexp
 
 from softnn.contracts import Array
+from softnn.effects import EFFECTS
 from softnn.effects._signs import ZEROS, at_rest, noise
-from softnn.fit import Engine
+from softnn.fit import Engine, Fit, Piece
+from softnn.mismatch.candidates import refine, shown
+from softnn.mismatch.evidence import MISTAKE
+from softnn.mismatch.mistakes import asked_apart
+from softnn.mismatch.posterior import Posterior
+from softnn.mismatch.specimens import UNSAID, picked
 
 SPREADS = 2.0 ** np.arange(8)  # of zeros, over `ZEROS`: less is no news
-LEAST = 2  # recordings that begin at rest, to tell one from the other
-CLASS = 0.02  # of the stress: a machine of class 2 errs no more, ISO 7500-1
+REFITTED = 4  # iterations
 
 
-class Zeros:
-    """What is read of specimens not yet moved, in those recordings that begin so."""
+def with_zeros(probable: Posterior, engine: Engine) -> Posterior:
+    """The posterior with each hypothesis shared: no zero is apart, or some are."""
+    seen = shown(engine, [law for law in EFFECTS if law.unmoved])
+    chance = [likely(engine, piece) for piece in seen]
 
-    def __init__(self, engine: Engine) -> None:
-        self.engine = engine
-        data = engine.data
-        self.own = np.array([noise(s) for s in data.stress_MPa])
-        every = zip(data.chunks, data.stress_MPa, strict=True)
-        self.fresh = np.isfinite([at_rest(chunk, s) for chunk, s in every])
-        self.fresh[1:] &= not data.continued
+    def ask(found: Fit) -> tuple[float, Fit] | None:
+        if not seen or any(p.effect.unmoved for p in found.guess.pieces):
+            return None
+        return chance[0], refine(engine, found, seen[0], REFITTED)
 
-    def _at_rest(self, values: Array) -> Array:
-        """The first of the values (valid,) of each recording; nan if not at rest.
+    return asked_apart(probable, ask)
 
-        No later one: what drifts is a little off soon.
-        """
-        own = np.array([x[0] for x in self.engine.by_recording(values)])
-        return np.where(self.fresh, own, np.nan)
 
-    def evidence(self, stress: Array, made: Array) -> float:
-        """Log evidence of what is read, where `stress` (valid,) is simulated.
+def likely(engine: Engine, piece: Piece) -> float:
+    """Probability that the zeros in which a piece is on are apart from the others."""
+    data = (engine.fine or engine).data
+    every = list(zip(data.chunks, data.stress_MPa, strict=True))
+    read = np.array([at_rest(chunk, s) for chunk, s in every])
+    there = np.isfinite(read)
+    own = np.array([noise(s) for _, s in every])[there] ** 2
+    on = np.isin(np.flatnonzero(there), np.concatenate(piece.groups))
 
-        `made` (valid,): what its effects change of that. Where they change what is read
-        at rest it is what is read there, but for how far it is off: what laws get wrong
-        may bend a zero by what a machine may err by, and more is less likely. 0 where
-        fewer than two recordings begin at rest.
-        """
-        level = self.engine.level
-        read = self._at_rest(self.engine.target - stress)
-        there = np.isfinite(read)
-        if there.sum() < LEAST:
-            return 0.0
-        read, own = read[there], self.own[there] ** 2
-        set_ = np.abs(self._at_rest(made)[there]) > ZEROS * level
-        middle = np.median(read[~set_]) if not set_.all() else np.median(read)
-        off = np.where(set_, read - middle, 0.0)
-        prior = np.log(SPREADS / (1 + SPREADS**2))
-        each = [_apart(read - off, (ZEROS * level * s) ** 2 + own) for s in SPREADS]
-        bent = 0.5 * float(off @ off) / (CLASS * level) ** 2
-        return float(logsumexp(each + prior)) - bent
+    def density(size: float | None, spread: float) -> float:
+        scale = np.where(on, spread if size is None else size, spread)
+        return _apart(read[there], (engine.level * scale) ** 2 + own)
+
+    prior = np.log(SPREADS / (1 + SPREADS**2))
+    none, *some = (
+        logsumexp([density(size, ZEROS * s) for s in SPREADS] + prior)
+        for size in (None, *MISTAKE)
+    )
+    price = UNSAID + picked(len(own), int(on.sum())) + np.log(len(MISTAKE))
+    return float(1 / (1 + np.exp(none - logsumexp(some) + price)))
 
 
 def _apart(values: Array, variance: Array) -> float:
