@@ -88,9 +88,14 @@ def test_only_what_says_so_is_read_before_anything_has_moved(law):
         assert (np.abs(first).max() > 1e-9) == law.unmoved
 
 
-@pytest.mark.parametrize("size", [0.0, 0.055])
-def test_an_offset_at_rest_is_named_beside_a_material_that_no_law_describes(size):
-    """Bent by half in what nobody wrote down, so that no account is near the noise."""
+@pytest.mark.parametrize(("size", "wrong"), [(0.0, ()), (0.055, (1, 4)), (0.055, (4,))])
+def test_an_offset_at_rest_is_named_beside_a_material_that_no_law_describes(
+    size, wrong
+):
+    """Bent by half in what nobody wrote down, so that no account is near the noise.
+
+    One recording's zero takes away little of what others, left out, are missed by.
+    """
     rng = np.random.default_rng(3)
     recordings = []
     for i, peak in enumerate([0.5, 0.6, 0.55, 0.45, 0.6, 0.5]):
@@ -98,7 +103,7 @@ def test_an_offset_at_rest_is_named_beside_a_material_that_no_law_describes(size
         moved = np.cumsum(np.abs(np.diff(chunk.strain, prepend=0.0)))
         bent = 1 + 0.3 * np.sin(9 * moved) + 0.2 * np.cos(25 * chunk.strain)
         stress = 2 * chunk.strain * bent + 2e-4 * rng.standard_normal(len(moved))
-        stress += size * (i in (1, 4)) * np.abs(stress).max()
+        stress += size * (i in wrong) * np.abs(stress).max()
         time, strain = chunk.time_s[130:], chunk.strain[130:]  # eight seconds of rest
         recordings.append(Recording(time, strain, stress[130:], name=f"r{i}"))
     named = diagnose(recordings).selected

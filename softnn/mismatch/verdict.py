@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from softnn.fit import fit
+from softnn.fit import Fit, fit
 from softnn.mismatch import locate, verify
 from softnn.mismatch.accounts import Search
 from softnn.mismatch.base import weigh_by
 from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import NAMED, SURE, posterior
-from softnn.mismatch.zeros import with_zeros
+from softnn.mismatch.zeros import Zeros
 
 NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
 HELPS = 1 / 3  # of the held-out misfit over the noise, that an explanation takes away
@@ -26,8 +26,9 @@ class Told:
 
     def __init__(self, found: Search) -> None:
         self.found, self.base, self.engine = found, found.base, found.base.engine
-        told = with_mistakes(posterior(found.accounts), self.engine)
-        self.probable = with_zeros(told, self.engine)
+        self.zeros = Zeros(self.engine)
+        probable = with_mistakes(posterior(found.accounts), self.engine)
+        self.probable = self.zeros.asked(probable)
         self.account = self.probable.best
         base = self.base.fit
         self.heldout_before = verify.heldout(self.engine, base)
@@ -48,20 +49,24 @@ class Told:
     def _names(self) -> list[str]:
         """The selected effects in the order in which they act, if they may be named.
 
-        What is said of a specimen stands where the others do not.
+        What is said of a specimen or a zero stands where the others do not.
         """
         if self.account.effects != self.probable.selected:
             return []
         if not (self.tellable and self.helps):
-            alone = mistaken(self.account.fit)
+            alone = self._apart(self.account.fit)
             every = [h.account for h in self.probable.hypotheses if h.effects == alone]
-            every = [a for a in every if mistaken(a.fit)]
+            every = [a for a in every if self._apart(a.fit)]
             if self.few or not every:
                 return []
             self.account = every[0]
             self.heldout_after = verify.heldout(self.engine, self.account.fit)
         pieces = self.account.fit.guess.pieces
         return [p.effect.id for p in pieces if not p.nuisance]
+
+    def _apart(self, found: Fit) -> frozenset[str]:
+        """Ids of what a fit says that no law of the material has a part in."""
+        return mistaken(found) | self.zeros.said(found)
 
     def _corrected(self) -> bool:
         """Whether there is a correction; `account` becomes the best there is."""
@@ -103,10 +108,10 @@ class Told:
 
         As noise and what is not known of the others count it. Where their misfit is
         the noise, or only a specimen is said to be wrong, whose scale was free before,
-        there is nothing that could be taken from it.
+        or a zero, which is none of the others', nothing could be taken from it.
         """
         old, new = self.heldout_before.misfit, self.heldout_after.misfit
-        void = old < 1 + NEAR or self.account.effects <= mistaken(self.account.fit)
+        void = old < 1 + NEAR or self.account.effects <= self._apart(self.account.fit)
         return bool(void or old - new > HELPS * (old - 1))
 
     def _verdict(self) -> str:

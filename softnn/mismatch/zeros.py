@@ -27,17 +27,29 @@ SPREADS = 2.0 ** np.arange(8)  # of zeros, over `ZEROS`: less is no news
 REFITTED = 4  # iterations
 
 
-def with_zeros(probable: Posterior, engine: Engine) -> Posterior:
-    """The posterior with each hypothesis shared: no zero is apart, or some are."""
-    seen = shown(engine, [law for law in EFFECTS if law.unmoved])
-    chance = [likely(engine, piece) for piece in seen]
+class Zeros:
+    """The zeros that stand apart, if any, and how likely it is that they are."""
 
-    def ask(found: Fit) -> tuple[float, Fit] | None:
-        if not seen or any(p.effect.unmoved for p in found.guess.pieces):
-            return None
-        return chance[0], refine(engine, found, seen[0], REFITTED)
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
+        seen = shown(engine, [law for law in EFFECTS if law.unmoved])
+        self.piece = seen[0] if seen else None
+        self.chance = likely(engine, seen[0]) if seen else 0.0
 
-    return asked_apart(probable, ask)
+    def asked(self, probable: Posterior) -> Posterior:
+        """The posterior, each hypothesis shared: no zero is apart, or these are."""
+
+        def ask(found: Fit) -> tuple[float, Fit] | None:
+            if self.piece is None or self.said(found):
+                return None
+            return self.chance, refine(self.engine, found, self.piece, REFITTED)
+
+        return asked_apart(probable, ask)
+
+    def said(self, found: Fit) -> frozenset[str]:
+        """Ids of what a fit says of zeros, where some stand apart."""
+        every = (p.effect for p in found.guess.pieces if p.effect.unmoved)
+        return frozenset(law.id for law in every if self.piece is not None)
 
 
 def likely(engine: Engine, piece: Piece) -> float:
