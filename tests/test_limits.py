@@ -228,12 +228,12 @@ def test_refusals(options, said, capsys):
 
 
 def test_a_case_that_cannot_be_diagnosed_stops_nobody(monkeypatch):
-    import softnn.mismatch
+    from softnn.mismatch import diagnosis
 
     def broken(*_):
         raise ZeroDivisionError("by nought")
 
-    monkeypatch.setattr(softnn.mismatch, "diagnose", broken)
+    monkeypatch.setattr(diagnosis, "diagnose", broken)
     row = limits.outcome(limits.ordered(12, "slack", 1.0, 0.01, "white", 0))
     assert row["error"] == "ZeroDivisionError: by nought"
     assert row["verdict"] == "no diagnosis"
