@@ -1,5 +1,7 @@
 """What is read before anything has moved, against the textbook and in recordings."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from made import STIFFNESS, UNITS, straight
@@ -10,12 +12,12 @@ from softnn import Recording, diagnose
 from softnn.contracts import Chunk
 from softnn.effects import EFFECTS
 from softnn.effects._signs import ZEROS, noise
-from softnn.fit import Data, Engine
+from softnn.fit import Data, Engine, Guess
 from softnn.mismatch.candidates import shown
 from softnn.mismatch.evidence import MISTAKE
 from softnn.mismatch.screen import only, start_pieces
 from softnn.mismatch.specimens import UNSAID, picked
-from softnn.mismatch.zeros import SPREADS, likely
+from softnn.mismatch.zeros import SPREADS, Zeros, likely
 from softnn.simulate import simulate
 
 TOP = 2.0  # largest stress, MPa
@@ -76,6 +78,22 @@ def test_only_specimens_that_have_not_moved_are_asked():
     assert not shown(engine(odd, begins=0.3), [LAW])
     assert not shown(engine(odd, continued=True), [LAW])
     assert not shown(engine([0.0, 0.1]), [LAW])  # which of the two is it?
+
+
+def test_what_is_said_of_zeros_is_said_of_those_that_stand_apart():
+    def said(made, *recordings):
+        piece = only(start_pieces(made, LAW)[0], np.array(recordings))
+        guess = Guess(UNITS, STIFFNESS, (piece,))
+        return Zeros(made).said(SimpleNamespace(guess=guess))
+
+    clear = engine([0.0] * 5 + [0.1])
+    assert said(clear, 5) == said(clear, 2, 5) == {LAW.id}
+    assert said(clear, 2) == frozenset()  # of another
+    assert said(engine([0.0] * 6), 5) == frozenset()  # none stands apart
+    # One that stands apart by eight times what a machine may be off by, of three.
+    vague = engine([0.0, 0.0, 8 * ZEROS * TOP])
+    assert Zeros(vague).chance < 0.5
+    assert said(vague, 2) == frozenset()
 
 
 @pytest.mark.parametrize("law", EFFECTS, ids=lambda law: law.id)

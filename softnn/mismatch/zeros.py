@@ -17,14 +17,14 @@ from softnn.contracts import Array
 from softnn.effects import EFFECTS
 from softnn.effects._signs import ZEROS, at_rest, noise
 from softnn.fit import Engine, Fit, Piece
+from softnn.mismatch.accounts import REFITTED
 from softnn.mismatch.candidates import refine, shown
 from softnn.mismatch.evidence import MISTAKE
 from softnn.mismatch.mistakes import asked_apart
-from softnn.mismatch.posterior import Posterior
+from softnn.mismatch.posterior import NAMED, Posterior
 from softnn.mismatch.specimens import UNSAID, picked
 
 SPREADS = 2.0 ** np.arange(8)  # of zeros, over `ZEROS`: less is no news
-REFITTED = 4  # iterations
 
 
 class Zeros:
@@ -40,16 +40,21 @@ class Zeros:
         """The posterior, each hypothesis shared: no zero is apart, or these are."""
 
         def ask(found: Fit) -> tuple[float, Fit] | None:
-            if self.piece is None or self.said(found):
+            has = any(p.effect.unmoved for p in found.guess.pieces)
+            if self.piece is None or has:
                 return None
             return self.chance, refine(self.engine, found, self.piece, REFITTED)
 
         return asked_apart(probable, ask)
 
     def said(self, found: Fit) -> frozenset[str]:
-        """Ids of what a fit says of zeros, where some stand apart."""
-        every = (p.effect for p in found.guess.pieces if p.effect.unmoved)
-        return frozenset(law.id for law in every if self.piece is not None)
+        """Ids of what a fit says of zeros, where it has those that stand apart."""
+        if self.piece is None or self.chance < NAMED:
+            return frozenset()
+        those = {r for group in self.piece.groups for r in group}
+        every = (p for p in found.guess.pieces if p.effect.unmoved)
+        has = (p for p in every if those <= {r for group in p.groups for r in group})
+        return frozenset(p.effect.id for p in has)
 
 
 def likely(engine: Engine, piece: Piece) -> float:
