@@ -17,6 +17,7 @@ from softnn.mismatch.candidates import shown
 from softnn.mismatch.evidence import MISTAKE
 from softnn.mismatch.screen import only, start_pieces
 from softnn.mismatch.specimens import UNSAID, picked
+from softnn.mismatch.verdict import Told
 from softnn.mismatch.zeros import SPREADS, Zeros, likely
 from softnn.simulate import simulate
 
@@ -106,14 +107,27 @@ def test_only_what_says_so_is_read_before_anything_has_moved(law):
         assert (np.abs(first).max() > 1e-9) == law.unmoved
 
 
+@pytest.mark.parametrize("apart", [True, False])
+def test_a_zero_that_stands_apart_need_not_foretell_others(apart):
+    made = engine([0.0] * 5 + [0.1 * apart])
+    piece = only(start_pieces(made, LAW)[0], np.array([5]))
+    fit = SimpleNamespace(guess=Guess(UNITS, STIFFNESS, (piece,)))
+    mine = SimpleNamespace(fit=fit, effects=frozenset({LAW.id}))
+    told = object.__new__(Told)  # of a search that found this alone
+    told.engine, told.zeros, told.account = made, Zeros(made), mine
+    told.heldout_before = told.heldout_after = SimpleNamespace(misfit=9.0)
+    told.probable = SimpleNamespace(best=mine, selected=mine.effects, hypotheses=[mine])
+    assert told.helps == apart
+    assert told._names() == [LAW.id] * apart
+    mine.effects |= {"mullins_softening"}  # and that is to take something from it
+    assert not told.helps
+
+
 @pytest.mark.parametrize(("size", "wrong"), [(0.0, ()), (0.055, (1, 4)), (0.055, (4,))])
 def test_an_offset_at_rest_is_named_beside_a_material_that_no_law_describes(
     size, wrong
 ):
-    """Bent by half in what nobody wrote down, so that no account is near the noise.
-
-    One recording's zero takes away little of what others, left out, are missed by.
-    """
+    """Bent by half in what nobody wrote down, so that no account is near the noise."""
     rng = np.random.default_rng(3)
     recordings = []
     for i, peak in enumerate([0.5, 0.6, 0.55, 0.45, 0.6, 0.5]):
