@@ -18,7 +18,7 @@ from softnn.mismatch.evidence import MISTAKE
 from softnn.mismatch.screen import only, start_pieces
 from softnn.mismatch.specimens import UNSAID, picked
 from softnn.mismatch.verdict import Told
-from softnn.mismatch.zeros import SPREADS, Zeros, likely
+from softnn.mismatch.zeros import SPREADS, apart, likely
 from softnn.simulate import simulate
 
 TOP = 2.0  # largest stress, MPa
@@ -85,7 +85,7 @@ def test_what_is_said_of_zeros_is_said_of_those_that_stand_apart():
     def said(made, *recordings):
         piece = only(start_pieces(made, LAW)[0], np.array(recordings))
         guess = Guess(UNITS, STIFFNESS, (piece,))
-        return Zeros(made).said(SimpleNamespace(guess=guess))
+        return apart(made).said(SimpleNamespace(guess=guess))
 
     clear = engine([0.0] * 5 + [0.1])
     assert said(clear, 5) == said(clear, 2, 5) == {LAW.id}
@@ -93,7 +93,7 @@ def test_what_is_said_of_zeros_is_said_of_those_that_stand_apart():
     assert said(engine([0.0] * 6), 5) == frozenset()  # none stands apart
     # One that stands apart by eight times what a machine may be off by, of three.
     vague = engine([0.0, 0.0, 8 * ZEROS * TOP])
-    assert Zeros(vague).chance < 0.5
+    assert apart(vague).chance < 0.5
     assert said(vague, 2) == frozenset()
 
 
@@ -107,18 +107,18 @@ def test_only_what_says_so_is_read_before_anything_has_moved(law):
         assert (np.abs(first).max() > 1e-9) == law.unmoved
 
 
-@pytest.mark.parametrize("apart", [True, False])
-def test_a_zero_that_stands_apart_need_not_foretell_others(apart):
-    made = engine([0.0] * 5 + [0.1 * apart])
+@pytest.mark.parametrize("off", [True, False])
+def test_a_zero_that_stands_apart_need_not_foretell_others(off):
+    made = engine([0.0] * 5 + [0.1 * off])
     piece = only(start_pieces(made, LAW)[0], np.array([5]))
     fit = SimpleNamespace(guess=Guess(UNITS, STIFFNESS, (piece,)))
     mine = SimpleNamespace(fit=fit, effects=frozenset({LAW.id}))
     told = object.__new__(Told)  # of a search that found this alone
-    told.engine, told.zeros, told.account = made, Zeros(made), mine
+    told.engine, told.own, told.account = made, (apart(made),), mine
     told.heldout_before = told.heldout_after = SimpleNamespace(misfit=9.0)
     told.probable = SimpleNamespace(best=mine, selected=mine.effects, hypotheses=[mine])
-    assert told.helps == apart
-    assert told._names() == [LAW.id] * apart
+    assert told.helps == off
+    assert told._names() == [LAW.id] * off
     mine.effects |= {"mullins_softening"}  # and that is to take something from it
     assert not told.helps
 

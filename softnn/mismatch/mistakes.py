@@ -9,7 +9,6 @@ doi:10.1214/06-BA117A), or one of them with a size of its own. All of it is summ
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,14 +17,14 @@ from scipy.special import logsumexp
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Guess, fit
 from softnn.mismatch.accounts import FEWEST
+from softnn.mismatch.apart import asked_apart
 from softnn.mismatch.evidence import SCATTER_PRIOR
-from softnn.mismatch.posterior import Hypothesis, Posterior
+from softnn.mismatch.posterior import Posterior
 from softnn.mismatch.screen import clipped
 from softnn.mismatch.specimens import UNSAID, estimated, marginal
 
 SPREADS = 0.01 * 2.0 ** np.arange(8)  # of the logarithm, between specimens
 SIZES = (0.3, 1.0, 2.5)  # of a mistake: a third, a unit twice, a digit
-LEAST = 0.001  # of probability, that is worth an account of its own
 
 
 def weighed(at: Array, known: Array) -> Array:
@@ -119,25 +118,3 @@ def with_mistakes(probable: Posterior, engine: Engine) -> Posterior:
         return float(chance.sum()), fit(engine, guess, fixed_base=fixed, iterations=0)
 
     return asked_apart(probable, ask)
-
-
-def asked_apart(
-    probable: Posterior, ask: Callable[[Fit], tuple[float, Fit] | None]
-) -> Posterior:
-    """The posterior with each hypothesis shared between what it is and one effect more.
-
-    `ask` has of a fit how likely that is, and the fit with it; or None. Beside
-    something on no list it leaves that there.
-    """
-    hypotheses, probability = list(probable.hypotheses), list(probable.probability)
-    beside = list(probable.beside)
-    for i, one in enumerate(probable.hypotheses):
-        asked = ask(one.account.fit) if probability[i] >= LEAST else None
-        if asked is None or probability[i] * asked[0] < LEAST:
-            continue
-        share = probability[i] * asked[0]
-        hypotheses.append(Hypothesis(replace(one.account, fit=asked[1])))
-        probability[i] -= share
-        probability.append(share)
-        beside.append(1.0 if one.other else probable.beside[i])
-    return Posterior(tuple(hypotheses), np.array(probability), np.array(beside))

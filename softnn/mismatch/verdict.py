@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from softnn.fit import Fit, fit
-from softnn.mismatch import locate, verify
+from softnn.mismatch import locate, replicates, verify, zeros
 from softnn.mismatch.accounts import Search
 from softnn.mismatch.base import weigh_by
 from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import NAMED, SURE, posterior
-from softnn.mismatch.zeros import Zeros
 
 NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
 HELPS = 1 / 3  # of the held-out misfit over the noise, that an explanation takes away
@@ -26,9 +25,11 @@ class Told:
 
     def __init__(self, found: Search) -> None:
         self.found, self.base, self.engine = found, found.base, found.base.engine
-        self.zeros = Zeros(self.engine)
         probable = with_mistakes(posterior(found.accounts), self.engine)
-        self.probable = self.zeros.asked(probable)
+        own = replicates.apart(self.engine, probable), zeros.apart(self.engine)
+        for one in own:
+            probable = one.asked(probable)
+        self.own, self.probable = own, probable
         self.account = self.probable.best
         base = self.base.fit
         self.heldout_before = verify.heldout(self.engine, base)
@@ -66,7 +67,7 @@ class Told:
 
     def _apart(self, found: Fit) -> frozenset[str]:
         """Ids of what a fit says that no law of the material has a part in."""
-        return mistaken(found) | self.zeros.said(found)
+        return mistaken(found).union(*(one.said(found) for one in self.own))
 
     def _corrected(self) -> bool:
         """Whether there is a correction; `account` becomes the best there is."""

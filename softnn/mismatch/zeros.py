@@ -16,45 +16,19 @@ from scipy.special import logsumexp
 from softnn.contracts import Array
 from softnn.effects import EFFECTS
 from softnn.effects._signs import ZEROS, at_rest, noise
-from softnn.fit import Engine, Fit, Piece
-from softnn.mismatch.accounts import REFITTED
-from softnn.mismatch.candidates import refine, shown
+from softnn.fit import Engine, Piece
+from softnn.mismatch.apart import Apart, on
+from softnn.mismatch.candidates import shown
 from softnn.mismatch.evidence import MISTAKE
-from softnn.mismatch.mistakes import asked_apart
-from softnn.mismatch.posterior import NAMED, Posterior
 from softnn.mismatch.specimens import UNSAID, picked
 
 SPREADS = 2.0 ** np.arange(8)  # of zeros, over `ZEROS`: less is no news
 
 
-class Zeros:
-    """The zeros that stand apart, if any, and how likely it is that they are."""
-
-    def __init__(self, engine: Engine) -> None:
-        self.engine = engine
-        seen = shown(engine, [law for law in EFFECTS if law.unmoved])
-        self.piece = seen[0] if seen else None
-        self.chance = likely(engine, seen[0]) if seen else 0.0
-
-    def asked(self, probable: Posterior) -> Posterior:
-        """The posterior, each hypothesis shared: no zero is apart, or these are."""
-
-        def ask(found: Fit) -> tuple[float, Fit] | None:
-            has = any(p.effect.unmoved for p in found.guess.pieces)
-            if self.piece is None or has:
-                return None
-            return self.chance, refine(self.engine, found, self.piece, REFITTED)
-
-        return asked_apart(probable, ask)
-
-    def said(self, found: Fit) -> frozenset[str]:
-        """Ids of what a fit says of zeros, where it has those that stand apart."""
-        if self.piece is None or self.chance < NAMED:
-            return frozenset()
-        those = {r for group in self.piece.groups for r in group}
-        every = (p for p in found.guess.pieces if p.effect.unmoved)
-        has = (p for p in every if those <= {r for group in p.groups for r in group})
-        return frozenset(p.effect.id for p in has)
+def apart(engine: Engine) -> Apart:
+    """The zeros that stand apart from the others, if any do."""
+    seen = shown(engine, [law for law in EFFECTS if law.unmoved])
+    return Apart(engine, seen[0], likely(engine, seen[0])) if seen else Apart(engine)
 
 
 def likely(engine: Engine, piece: Piece) -> float:
@@ -64,10 +38,10 @@ def likely(engine: Engine, piece: Piece) -> float:
     read = np.array([at_rest(chunk, s) for chunk, s in every])
     there = np.isfinite(read)
     own = np.array([noise(s) for _, s in every])[there] ** 2
-    on = np.isin(np.flatnonzero(there), np.concatenate(piece.groups))
+    those = np.isin(np.flatnonzero(there), list(on(piece)))
 
     def density(size: float | None, spread: float) -> float:
-        scale = np.where(on, spread if size is None else size, spread)
+        scale = np.where(those, spread if size is None else size, spread)
         return _apart(read[there], (engine.level * scale) ** 2 + own)
 
     prior = np.log(SPREADS / (1 + SPREADS**2))
@@ -75,7 +49,7 @@ def likely(engine: Engine, piece: Piece) -> float:
         logsumexp([density(size, ZEROS * s) for s in SPREADS] + prior)
         for size in (None, *MISTAKE)
     )
-    price = UNSAID + picked(len(own), int(on.sum())) + np.log(len(MISTAKE))
+    price = UNSAID + picked(len(own), int(those.sum())) + np.log(len(MISTAKE))
     return float(1 / (1 + np.exp(none - logsumexp(some) + price)))
 
 
