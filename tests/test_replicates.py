@@ -51,6 +51,13 @@ def test_replicates_go_through_the_same():
     assert Replicates(Engine(both)).groups == []
 
 
+def test_what_has_no_stress_is_no_replicate():
+    def stress(i, chunk):
+        return np.where(i == 1, np.nan, noisy(i, chunk))
+
+    assert Replicates(recordings([CYCLES] * 3, stress)).groups == [[0, 2]]
+
+
 def test_scales_zeros_and_what_all_have_alike_are_no_difference():
     made = recordings([CYCLES] * 3, noisy)
     told = Replicates(made)

@@ -12,7 +12,7 @@ two regressions (Schwarz 1978, doi:10.1214/aos/1176344136).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,14 +40,15 @@ class Replicates:
         known = np.split(
             engine.valid, np.cumsum([len(c.time_s) for c in engine.chunks])
         )
-        self.times, self.at, turned = [], [], []
+        self.times, self.at, turned = [], [], {}
         for chunk, valid in zip(engine.chunks, known, strict=False):
             turn = turns(chunk.strain, BAND * float(np.ptp(chunk.strain)))
             time, steps = chunk.time_s, (np.arange(POINTS) + 0.5) / POINTS
             spans = np.diff(time[turn])
             self.times.append(time[valid])
             self.at.append((time[turn[:-1], None] + spans[:, None] * steps).ravel())
-            turned.append((spans, chunk.strain[turn]))
+            if len(turn) > 1 and valid.sum() > 1:
+                turned[len(self.at) - 1] = spans, chunk.strain[turn]
         self.groups = _like(turned)
 
     def spread(self, group: Sequence[int], stress: Array) -> tuple[float, float]:
@@ -141,9 +142,9 @@ def _own(law: Effect) -> bool:
     return law.amplitude in law.per_recording and not (law.scatter or law.unmoved)
 
 
-def _like(turned: Sequence[tuple[Array, Array]]) -> list[list[int]]:
+def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
     """Replicates: as many turns, after about as long, and at about the same strain."""
-    reach = max(float(np.ptp(strain)) for _, strain in turned)
+    reach = max((float(np.ptp(x)) for _, x in turned.values()), default=0.0)
 
     def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
         if len(one[0]) != len(other[0]):
@@ -152,7 +153,7 @@ def _like(turned: Sequence[tuple[Array, Array]]) -> list[list[int]]:
         return bool(off[0] <= LIKE * one[0].sum() and off[1] <= LIKE * reach)
 
     groups: list[list[int]] = []
-    for r, mine in enumerate(turned):
+    for r, mine in turned.items():
         group = next((g for g in groups if alike(turned[g[0]], mine)), None)
         if group is None:
             groups.append([r])
