@@ -1,6 +1,7 @@
 """What one recording has apart from its replicates, whatever laws get wrong."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from softnn.mismatch.candidates import refine
 from softnn.mismatch.case import Case
 from softnn.mismatch.evidence import worth
 from softnn.mismatch.posterior import Hypothesis, Posterior
-from softnn.mismatch.replicates import POINTS, Replicates
+from softnn.mismatch.replicates import POINTS, Replicates, apart
 from softnn.mismatch.screen import only, start_pieces
 from softnn.mismatch.specimens import UNSAID, picked
 
@@ -46,9 +47,12 @@ def test_replicates_go_through_the_same():
     assert of(CYCLES, CYCLES, near) == [[0, 1, 2]]
     assert of(CYCLES, [0, 0.9, 0.1, 0.9, 0]) == []  # further
     assert of(CYCLES, CYCLES[:3], CYCLES) == [[0, 2]]  # shorter
-    chunks = straight(CYCLES, 0.05, 0.1), straight(CYCLES, 0.01, 0.4)  # faster
-    both = Data(("a", "b"), chunks, tuple(2 * c.strain for c in chunks))
-    assert Replicates(Engine(both)).groups == []
+    slow = straight(CYCLES, 0.05, 0.1)
+    further = replace(slow, strain=1.5 * slow.strain)  # in the same time
+    for other in (straight(CYCLES, 0.01, 0.4), further):
+        both = slow, other
+        data = Data(("a", "b"), both, tuple(2 * c.strain for c in both))
+        assert Replicates(Engine(data)).groups == []
 
 
 def test_what_has_no_stress_is_no_replicate():
@@ -61,8 +65,12 @@ def test_what_has_no_stress_is_no_replicate():
 def test_scales_zeros_and_what_all_have_alike_are_no_difference():
     made = recordings([CYCLES] * 3, noisy)
     told = Replicates(made)
+    first = [c.time_s < c.time_s[np.argmax(c.strain)] for c in made.chunks]
     own = np.concatenate(
-        [0.1 * i + (1 + 0.2 * i) * 2 * c.strain for i, c in enumerate(made.chunks)]
+        [
+            0.1 * i + (1 + 0.2 * i + 0.3 * i * fresh) * 2 * c.strain
+            for i, (c, fresh) in enumerate(zip(made.chunks, first, strict=True))
+        ]
     )
     alike = np.concatenate(
         [np.sin(30 * c.strain) + np.cos(c.time_s) for c in made.chunks]
@@ -121,6 +129,20 @@ def test_without_a_replicate_nothing_is_asked():
     made = recordings([CYCLES, CYCLES, far], gap)
     assert Replicates(made).groups == [[0, 1]]
     assert Replicates(made).asked(fitted(made, 2), 0)[0] == -np.inf
+
+
+@pytest.mark.parametrize("law", EFFECTS, ids=lambda law: law.id)
+def test_scales_and_zeros_are_asked_elsewhere(law):
+    data = recordings([CYCLES] * 3, noisy).data
+    warm = (replace(c, temperature_C=20 + c.time_s / 10) for c in data.chunks)
+    made = Engine(replace(data, chunks=tuple(warm)))
+    for piece in start_pieces(made, law):
+        found = fit(made, Guess(UNITS, STIFFNESS, (piece,)), iterations=0)
+        account = SimpleNamespace(fit=found, effects=frozenset({law.id}))
+        one = Posterior((Hypothesis(account),), np.ones(1), np.ones(1))
+        told = apart(made, one).piece
+        own = law.amplitude in law.per_recording
+        assert (told is not None) == (own and not (law.scatter or law.unmoved))
 
 
 @pytest.mark.parametrize("stress", [gap, noisy])

@@ -37,18 +37,17 @@ class Replicates:
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        known = np.split(
-            engine.valid, np.cumsum([len(c.time_s) for c in engine.chunks])
-        )
         self.times, self.at, turned = [], [], {}
-        for chunk, valid in zip(engine.chunks, known, strict=False):
+        every = zip(engine.chunks, engine.data.stress_MPa, strict=True)
+        for r, (chunk, stress) in enumerate(every):
+            valid = np.isfinite(stress)
             turn = turns(chunk.strain, BAND * float(np.ptp(chunk.strain)))
             time, steps = chunk.time_s, (np.arange(POINTS) + 0.5) / POINTS
             spans = np.diff(time[turn])
             self.times.append(time[valid])
             self.at.append((time[turn[:-1], None] + spans[:, None] * steps).ravel())
             if len(turn) > 1 and valid.sum() > 1:
-                turned[len(self.at) - 1] = spans, chunk.strain[turn]
+                turned[r] = spans, chunk.strain[turn]
         self.groups = _like(turned)
 
     def spread(self, group: Sequence[int], stress: Array) -> tuple[float, float]:
@@ -76,9 +75,9 @@ class Replicates:
         return np.interp(self.at[recording], self.times[recording], mine)
 
     def asked(self, found: Fit, index: int) -> tuple[float, Piece]:
-        """A piece without recordings that only laws put it in, and its log odds.
+        """Log odds that a piece is not alike in all replicates, and the piece.
 
-        They are that it is on in some replicates, and not in others.
+        It is without recordings that only laws put it in.
         """
         engine, piece = self.engine, found.guess.pieces[index]
         rest = [p for i, p in enumerate(found.guess.pieces) if i != index]

@@ -50,7 +50,7 @@ class Told:
     def _names(self) -> list[str]:
         """The selected effects in the order in which they act, if they may be named.
 
-        What is said of a specimen or a zero stands where the others do not.
+        What is said of one recording, whatever laws are, stands where others do not.
         """
         if self.account.effects != self.probable.selected:
             return []
@@ -109,7 +109,7 @@ class Told:
 
         As noise and what is not known of the others count it. Where their misfit is
         the noise, or only a specimen is said to be wrong, whose scale was free before,
-        or a zero, which is none of the others', nothing could be taken from it.
+        or a zero or what one recording has apart, nothing could be taken from it.
         """
         old, new = self.heldout_before.misfit, self.heldout_after.misfit
         void = old < 1 + NEAR or self.account.effects <= self._apart(self.account.fit)
