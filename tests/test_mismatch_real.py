@@ -4,6 +4,7 @@ What is asserted is what the recordings' own notes say can be seen in them.
 """
 
 import os
+from functools import cache
 
 import numpy as np
 import pytest
@@ -31,19 +32,24 @@ CUT_AT_ZERO = pytest.mark.xfail(
 )
 
 
+@cache
 def result(name, part, own_specimens=False):
     recordings = tuple(r for r in read_set(name) if part in r.name)
     specimen = {r.name: r.specimen for r in recordings} if own_specimens else {}
     return diagnose(Case(name, recordings, specimen=specimen)).result
 
 
-@CUT_AT_ZERO
-def test_acrylic_tape_is_viscous_at_finite_strain_and_buckles_but_does_not_soften():
+def test_acrylic_tape_is_viscous_at_finite_strain_but_does_not_soften():
     found = result("vhb4910-zhao", "lu_")
     assert "mullins_softening" not in found["selected"]
     assert set(found["selected"]) & {"finite_strain", "nonlinear_viscosity"}
-    assert "tension_only" in found["selected"] or "slack" in found["selected"]
     assert found["fit"]["after"]["heldout_nrmse"] < 0.035
+
+
+@CUT_AT_ZERO
+def test_acrylic_tape_buckles():
+    found = result("vhb4910-zhao", "lu_")
+    assert "tension_only" in found["selected"] or "slack" in found["selected"]
 
 
 @SET_UNSURE
