@@ -257,6 +257,7 @@ class Effect(ABC):
     off: Mapping[str, float]  # the values at which it vanishes exactly
     amplitude: str  # the parameter its size is proportional to, at least nearly
     per_recording: tuple[str, ...] = ()  # each recording has its own value of these
+    carries_over: bool = False  # whether its values in some recordings foretell others
     some: bool = False  # a mistake in some recordings, hardly ever in most of them
     contains: tuple[str, ...] = ()  # ids of simpler laws that this one can become
     shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
@@ -267,6 +268,7 @@ class Effect(ABC):
     # Whether the stress of a moment changes what comes out at that moment alone.
     pointwise: bool = True
     on_return: bool = False  # whether only strain that comes back can show it
+    on_reloading: bool = False  # whether only a second loading tells it from viscosity
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of what looks the same -> what tells them apart
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here

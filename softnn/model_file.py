@@ -105,7 +105,10 @@ class Stored:
         simulated: Sequence[Array | None],
         continued: bool | None = None,
     ) -> list[Array]:
-        """Stress (n,) of each history, MPa. Recordings unknown by name are plain.
+        """Stress (n,) of each history, MPa.
+
+        Recordings unknown by name have what known ones have on average (the gap of a
+        strip, the scale of a specimen), and no fault of a single recording.
 
         Strain and stress are in the units of `axes`.
         """
@@ -129,10 +132,8 @@ class Stored:
         for piece, own in zip(self.pieces, self.own, strict=True):
             values = dict(piece.values)
             for name in piece.effect.per_recording:
-                off = piece.effect.off.get(name)
-                plain = values[name] if off is None else off
                 values[name] = np.array(
-                    [own.get(name, {}).get(n, plain) for n in names], float
+                    [own.get(name, {}).get(n, values[name]) for n in names], float
                 )
             terms.append(Term(piece.effect, values))
         out = simulate(self.units, self.stiffness, terms, chunks, follow)
@@ -179,7 +180,9 @@ def to_dict(
             v = piece.values[p.name]
             if np.ndim(v):
                 own[p.name] = {n: float(x) for n, x in zip(recordings, v, strict=True)}
-                values[p.name] = float(piece.effect.off.get(p.name, p.default))
+                off = piece.effect.off.get(p.name, p.default)
+                usual = piece.nuisance or piece.effect.carries_over
+                values[p.name] = float(np.mean(v) if usual else off)
             else:
                 values[p.name] = float(v)
         effects.append(

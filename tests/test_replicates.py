@@ -10,7 +10,6 @@ from made import STIFFNESS, UNITS, straight
 from softnn import Recording
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Guess, fit
-from softnn.mismatch import verdict
 from softnn.mismatch.accounts import search
 from softnn.mismatch.apart import on
 from softnn.mismatch.base import start
@@ -146,7 +145,7 @@ def test_scales_and_zeros_are_asked_elsewhere(law):
 
 
 @pytest.mark.parametrize("stress", [gap, noisy])
-def test_replicates_tell_what_laws_leave_open(stress, monkeypatch):
+def test_replicates_tell_what_laws_leave_open(stress):
     """Accounts at odds of nine to one against slack: it is in one of four, or none."""
     c = straight(CYCLES, 0.1, 0.1)
     every = [
@@ -158,7 +157,6 @@ def test_replicates_tell_what_laws_leave_open(stress, monkeypatch):
     slack = replace(base, fit=refine(engine, base.fit, piece))
     two = tuple(Hypothesis(a) for a in (base, slack))
     before = Posterior(two, np.array([0.9, 0.1]), np.ones(2))
-    monkeypatch.setattr(verdict, "posterior", lambda accounts: before)
-    told = verdict.Told(found)
-    assert (told.probable.effects["slack"] > 0.9) == (stress is gap)
-    assert (told.own[0].said(slack.fit) == {"slack"}) == (stress is gap)
+    told = apart(engine, before)
+    assert (told.asked(before).effects["slack"] > 0.9) == (stress is gap)
+    assert (told.said(slack.fit) == {"slack"}) == (stress is gap)

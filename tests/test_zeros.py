@@ -14,10 +14,10 @@ from softnn.effects import EFFECTS
 from softnn.effects._signs import ZEROS, noise
 from softnn.fit import Data, Engine, Guess
 from softnn.mismatch.candidates import shown
+from softnn.mismatch.decision import Shows, decide
 from softnn.mismatch.evidence import MISTAKE
 from softnn.mismatch.screen import only, start_pieces
 from softnn.mismatch.specimens import UNSAID, picked
-from softnn.mismatch.verdict import Told
 from softnn.mismatch.zeros import SPREADS, apart, likely
 from softnn.simulate import simulate
 
@@ -113,14 +113,25 @@ def test_a_zero_that_stands_apart_need_not_foretell_others(off):
     piece = only(start_pieces(made, LAW)[0], np.array([5]))
     fit = SimpleNamespace(guess=Guess(UNITS, STIFFNESS, (piece,)))
     mine = SimpleNamespace(fit=fit, effects=frozenset({LAW.id}))
-    told = object.__new__(Told)  # of a search that found this alone
-    told.engine, told.own, told.account = made, (apart(made),), mine
-    told.heldout_before = told.heldout_after = SimpleNamespace(misfit=9.0)
-    told.probable = SimpleNamespace(best=mine, selected=mine.effects, hypotheses=[mine])
-    assert told.helps == off
-    assert told._names() == [LAW.id] * off
+    probable = SimpleNamespace(
+        best=mine, selected=mine.effects, hypotheses=[mine], effects={LAW.id: 1.0},
+        nothing=0.0, nothing_named=0.0, other=0.0, readings=list,
+    )  # fmt: skip
+
+    def names():
+        return decide(
+            probable,
+            SimpleNamespace(effects=frozenset()),
+            lambda account: SimpleNamespace(misfit=9.0, nrmse=0.1),  # all alike
+            Shows(few=False, only_loading=False),
+            lambda account: apart(made).said(account.fit),
+            lambda account: 1.0,
+        ).names
+
+    assert names() == (LAW.id,) * off
     mine.effects |= {"mullins_softening"}  # and that is to take something from it
-    assert not told.helps
+    probable.selected = mine.effects
+    assert names() == ()
 
 
 @pytest.mark.parametrize(("size", "wrong"), [(0.0, ()), (0.055, (1, 4)), (0.055, (4,))])

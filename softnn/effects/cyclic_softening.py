@@ -27,7 +27,7 @@ class CyclicSoftening(Effect):
     """
 
     stage = "material"
-    on_return = True
+    on_return = on_reloading = True
     ports = ("equilibrium", "branches")
     parameters: tuple[Parameter, ...] = (
         Parameter("loss", "-", -0.2, 0.6, 0.12, meaning="c, share a decade of cycles"),

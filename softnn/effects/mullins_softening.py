@@ -33,7 +33,7 @@ class MullinsSoftening(Effect):
     """
 
     stage = "material"
-    on_return = True
+    on_return = on_reloading = True
     ports = ("equilibrium", "branches")
     parameters: tuple[Parameter, ...] = (
         Parameter("depth", "-", 0.0, 1.0, 0.4, meaning="d, loss of stiffness at most"),

@@ -58,6 +58,7 @@ class Slack(Effect):
     off = {"gap": 0.0}
     amplitude = "gap"
     per_recording = ("gap",)
+    carries_over = True  # strips are mounted alike
     shape: tuple[str, ...] = ("toe",)
     where = "at small strain, before the specimen is taut"
     twins = {

@@ -37,6 +37,9 @@ KEPT = 12  # sets of several effects, until the noise is settled
 TOLD = 0.02  # of log density a sample, by which a noise is another
 NEAR = 10.0  # of log evidence, by which specimens may be behind and yet be tried
 FEWEST = 3  # recordings, to speak of scatter
+# Nats a sample by which laws may be bent or added to, and yet the account reaches the
+# noise; and beyond which no further search would get there.
+LEAVES, EVIDENT = 0.03, 0.1
 REFITTED = 4  # iterations, where only the noise has changed
 
 
@@ -51,6 +54,11 @@ class Account:
     @property
     def effects(self) -> frozenset[str]:
         return frozenset(names(self.fit))
+
+    @property
+    def log_odds(self) -> float:
+        """Log evidence, of laws as they stand or slightly bent."""
+        return self.evidence.alone
 
     @property
     def figures(self) -> Array:
@@ -81,18 +89,25 @@ def value(account: Account) -> float:
 
 @dataclass
 class Search:
-    """What was tried, under one noise; the first account is the base alone."""
+    """What was tried, under one noise; the first account is the base alone.
+
+    `reaches_noise`: whether the best account leaves no more than noise.
+    """
 
     base: Baseline
     noise: list[Noise]
     accounts: list[Account]
+    reaches_noise: bool = True
 
 
-def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
+def search(
+    base: Baseline, unknown: frozenset[str] = frozenset(), evident: float = EVIDENT
+) -> Search:
     """All accounts tried, refitted and weighed under the noise that the best leaves.
 
     Forms of laws in `unknown` are not tried: so a trial sees what is said of a law that
-    nobody here wrote.
+    nobody here wrote. The search ends early where the best account of up to three
+    effects leaves more than `evident` nats a sample to be explained.
     """
     engine = base.engine
     pool = candidates(engine, base.name, base.fixed, unknown)
@@ -109,13 +124,22 @@ def search(base: Baseline, unknown: frozenset[str] = frozenset()) -> Search:
         best = _leaders(a for a in found if len(a.effects) == size and value(a) >= bar)
         for account in best[:count]:
             found += _weighed(weigher, expand(engine, account.fit, pool, LATER))
+    if _discrepancy(weigher, max(found, key=value)) > evident:
+        return Search(base, base.noise, found, False)
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)
     noise, accounts = _settled(base, weigher, found)
     accounts += _asked_again(weigher, accounts, pool)
     base.fit = accounts[0].fit
-    return Search(base, noise, accounts)
+    left = _discrepancy(weigher, max(accounts, key=value))
+    return Search(base, noise, accounts, left <= LEAVES)
+
+
+def _discrepancy(weigher: Weigher, account: Account) -> float:
+    """Log evidence, nats a sample, of something that an account gets wrong or lacks."""
+    evidence = weigher.weigh(account.fit)
+    return (evidence.beside - evidence.bare) / len(account.fit.residual)
 
 
 def _asked_again(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 
@@ -65,7 +66,8 @@ def asked_apart(
         if asked is None or probability[i] * asked[0] < LEAST:
             continue
         share = probability[i] * asked[0]
-        hypotheses.append(Hypothesis(replace(one.account, fit=asked[1])))
+        with_it: Any = replace(cast(Any, one.account), fit=asked[1])
+        hypotheses.append(Hypothesis(with_it))
         probability[i] -= share
         probability.append(share)
         beside.append(1.0 if one.other else probable.beside[i])

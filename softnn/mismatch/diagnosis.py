@@ -14,11 +14,10 @@ from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
 from softnn.mismatch import base, untaught, written
-from softnn.mismatch.accounts import search
 from softnn.mismatch.base import beyond, usable
 from softnn.mismatch.case import Case, check_case, check_model, in_order, to_data
+from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
-from softnn.mismatch.verdict import Told
 from softnn.model_file import Correction, Stored, from_dict, to_dict
 from softnn.recording import Recording
 
@@ -141,10 +140,10 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    told = Told(search(base.start(counted(case, axes), model)))
+    told = judge(base.start(counted(case, axes), model))
     learned = None
     if told.verdict == "unexplained":
-        learned = learn(told.engine, told.final, rng)
+        learned = learn(told.engine, told.decision.account.fit, rng)
     result = written.diagnosis(case, axes, told, learned, rng)
     untaught.tell(result, whole, never)
     result["seconds"] = round(time.perf_counter() - clock, 3)

@@ -38,10 +38,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from softnn.contracts import Array
+from softnn.fit import Fit
 from softnn.mismatch.accounts import Account
 
 NAMED, SURE = 0.5, 0.9  # probabilities from which an effect is named, and said so
@@ -72,11 +74,30 @@ class Constants:
 CONSTANTS = Constants()
 
 
+class Tried(Protocol):
+    """A set of effects that was tried: its best fit, and how well that does."""
+
+    @property
+    def fit(self) -> Fit: ...
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """Ids of the effects."""
+
+    @property
+    def seconds(self) -> float:
+        """How long the fit took."""
+
+    @property
+    def log_odds(self) -> float:
+        """What the recordings say for it, nats, but for a constant and its prior."""
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """A set of effects; or none, and either nothing or something on no list."""
 
-    account: Account
+    account: Tried
     other: bool = False
 
     @property
@@ -193,7 +214,7 @@ class Posterior:
         return frozenset(e for e, p in self.effects.items() if p >= NAMED)
 
     @cached_property
-    def best(self) -> Account:
+    def best(self) -> Tried:
         """The likeliest account of the selected effects; else of what comes nearest."""
         order = np.argsort(-self.probability, kind="stable")
         ranked = [self.hypotheses[i] for i in order]
@@ -209,7 +230,7 @@ class Posterior:
         ranked = sorted(total.items(), key=lambda item: -item[1])
         return [(s, p) for s, p in ranked if p >= LIKELY * ranked[0][1]]
 
-    def readings(self) -> list[Account]:
+    def readings(self) -> list[Tried]:
         """The accounts of these sets."""
         shared = [s for s, _ in self.ways()]
         return [h.account for h in self.hypotheses if h.effects in shared]

@@ -114,14 +114,18 @@ class Replicates:
         return best, only(piece, np.array(sorted(kept)))
 
 
-def apart(engine: Engine, probable: Posterior) -> Apart:
-    """What recordings have apart from their replicates, if any have."""
+def apart(engine: Engine, probable: Posterior, proposed: Sequence[Fit] = ()) -> Apart:
+    """What recordings have apart from their replicates, if any have.
+
+    Asked of the fits of the posterior, the likeliest first, and of those `proposed`.
+    """
     replicates = Replicates(engine)
     if not replicates.groups:
         return Apart(engine)
     asked: dict[str, tuple[float, Piece]] = {}
     order = np.argsort(-probable.probability, kind="stable")
-    for one in (probable.hypotheses[i].account.fit for i in order):
+    likely = [probable.hypotheses[i].account.fit for i in order]
+    for one in (*proposed, *likely):
         for index, piece in enumerate(one.guess.pieces):
             if (
                 piece.effect.id not in asked

@@ -43,30 +43,74 @@ class Heldout:
     errors: Array  # (parts,), sums of its squares, MPa^2
     squares: Array  # (parts,), of the stress itself, MPa^2
     misfit: float  # whitened, squared, a sample; what the others leave open allowed for
+    worst: tuple[str, float] | None = None  # what was left out there, and the NRMSE
 
     @property
     def nrmse(self) -> float:
         return nrmse_of(self.errors, self.squares)
 
 
+@dataclass(frozen=True)
+class _Linear:
+    """The fit as a linear problem in stiffnesses and inner values of the slots."""
+
+    jacobian: Array
+    target: Array
+    start: Array
+    low: Array
+    high: Array
+    base: int  # stiffnesses among the unknowns
+
+    @classmethod
+    def of(cls, found: Fit) -> _Linear:
+        where = found.slots
+        stiffness = found.guess.stiffness[: 0 if found.fixed_base else None]
+        base = len(stiffness)
+        low = np.concatenate([np.zeros(base), [_low(s) for s in where]])
+        high = np.concatenate(
+            [np.full(base, np.inf), [s.inside(s.high) for s in where]]
+        )
+        start = np.array([*stiffness, *(s.inside(get(found.guess, s)) for s in where)])
+        jacobian = found.jacobian[:, found.jacobian.shape[1] - len(start) :]
+        target = found.residual + jacobian @ start
+        return cls(jacobian, target, start, low, high, base)
+
+    def without(self, gram: Array, right: Array) -> Array:
+        """The damped solution of the normal equations of the other samples."""
+        whole = np.diag(self.jacobian.T @ self.jacobian)
+        pull = DAMPING * whole + 1e-12 * whole.max(initial=0)
+        right = right + pull * self.start
+        return _solved(gram + np.diag(pull), right, self.low, self.high, self.start)
+
+
+def without_rows(engine: Engine, found: Fit, rows: NDArray[np.bool]) -> Guess:
+    """The guess after one damped Gauss-Newton step without these samples (valid,).
+
+    The engine weighs samples one by one (no memory). A step that makes the other
+    samples worse is halved.
+    """
+    line, kept = _Linear.of(found), ~rows
+    a, b = line.jacobian[kept], line.target[kept]
+    x, before = line.without(a.T @ a, a.T @ b), found.residual[kept]
+    for _ in range(HALVINGS):
+        guess = moved_to(found.guess, found.slots, x, line.base)
+        left = engine.whiten(engine.target - engine.run(guess, False)[0])[kept]
+        if left @ left <= 1.01 * (before @ before):
+            return guess
+        x = (x + line.start) / 2
+    return found.guess
+
+
 def heldout(engine: Engine, found: Fit) -> Heldout:
     """What a fit misses of each part when it is left out."""
-    part, where = parts(engine), found.slots
-    stiffness = found.guess.stiffness[: 0 if found.fixed_base else None]
-    base = len(stiffness)
-    low = np.concatenate([np.zeros(base), [_low(s) for s in where]])
-    high = np.concatenate([np.full(base, np.inf), [s.inside(s.high) for s in where]])
-    start = np.array([*stiffness, *(s.inside(get(found.guess, s)) for s in where)])
-    jacobian = found.jacobian[:, found.jacobian.shape[1] - len(start) :]
-    target = found.residual + jacobian @ start
+    part, where, line = parts(engine), found.slots, _Linear.of(found)
+    jacobian, target, base = line.jacobian, line.target, line.base
     gram, right = jacobian.T @ jacobian, jacobian.T @ target
-    pull = DAMPING * np.diag(gram) + 1e-12 * np.diag(gram).max(initial=0)
     missed, chi2, kept = np.empty(len(engine.target)), 0.0, found.residual**2
     for g in np.unique(part):
         index = np.flatnonzero(part == g)
         mine = jacobian[index]
-        rest = gram - mine.T @ mine + np.diag(pull), right - mine.T @ target[index]
-        x = _solved(rest[0], rest[1] + pull * start, low, high, start)
+        x = line.without(gram - mine.T @ mine, right - mine.T @ target[index])
         # Of a prediction with the covariance of what it rests on, the square is what
         # the misfit of all is more than that of the others.
         others = np.delete(target - jacobian @ x, index)
@@ -76,7 +120,7 @@ def heldout(engine: Engine, found: Fit) -> Heldout:
             left = np.delete(engine.whiten(engine.target - stress), index)
             if left @ left <= 1.01 * np.delete(kept, index).sum():
                 break
-            x = (x + start) / 2  # laws that bend are not as far as their tangents
+            x = (x + line.start) / 2  # laws that bend are not as far as their tangents
         alone = [base + j for j, s in enumerate(where) if s.recordings == (g,)]
         half = np.arange(len(index)) * BLOCKS // len(index) % 2
         for side in (0, 1) if alone and len(engine.chunks) > 1 else ():
@@ -84,7 +128,7 @@ def heldout(engine: Engine, found: Fit) -> Heldout:
             a, own = jacobian[np.ix_(learn, alone)], x.copy()
             miss = target[learn] - jacobian[learn] @ x + a @ x[alone]
             h = a.T @ a + np.diag(1e-9 * np.sum(a**2, axis=0) + 1e-300)
-            ends = low[alone], high[alone]
+            ends = line.low[alone], line.high[alone]
             own[alone] = _solved(h, a.T @ miss, *ends, x[alone])
             stress[test] = predict(engine, found.guess, where, own, base)[test]
         missed[index] = (engine.target - stress)[index]
@@ -108,11 +152,16 @@ def predict(
     engine: Engine, guess: Guess, where: Sequence[Slot], x: Array, base: int
 ) -> Array:
     """Stress (valid,) with the stiffnesses and slots of the vector x."""
+    return engine.run(moved_to(guess, where, x, base), False)[0]
+
+
+def moved_to(guess: Guess, where: Sequence[Slot], x: Array, base: int) -> Guess:
+    """The guess with the stiffnesses and slots of the vector x."""
     values = [s.outside(v) for s, v in zip(where, x[base:], strict=True)]
     moved = put(guess, where, values)
     if base:
         moved = replace(moved, stiffness=np.maximum(x[:base], 0.0))
-    return engine.run(moved, False)[0]
+    return moved
 
 
 def nrmse_of(errors: Array, squares: Array) -> float:

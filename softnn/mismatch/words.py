@@ -6,15 +6,16 @@ from typing import Any
 
 from softnn.effects import effect
 from softnn.mismatch import locate
+from softnn.mismatch.decision import HELPS
+from softnn.mismatch.judgement import Judgement
 from softnn.mismatch.mistakes import mistaken
 from softnn.mismatch.posterior import NAMED, SURE
-from softnn.mismatch.verdict import HELPS, Told
 from softnn.report.phrases import listed, opened, percent, plain
 
 
-def summary(result: dict[str, Any], told: Told) -> str:
+def summary(result: dict[str, Any], told: Judgement) -> str:
     """The answer in a sentence or two; `result` is what diagnosis.json holds so far."""
-    fit, probable = result["fit"], told.probable
+    fit, probable = result["fit"], told.posterior
     noise = percent(fit["noise_nrmse"])
     before = percent(fit["before"]["heldout_nrmse"])
     several = len(told.engine.chunks) > 1
@@ -35,13 +36,13 @@ def summary(result: dict[str, Any], told: Told) -> str:
             f"Something is missing {which} ({_sure(chance)}): {missed}"
             f"{_nearest(told)}{_corrected(result, told)}{_structure(result, told)}"
         )
-    if locate.only_loading(told.engine) and not told.few:
+    if locate.only_loading(told.engine) and not told.decision.shows.few:
         return (
             f"The simulation misses {before} of what was recorded (noise {noise}), but "
             "first loading alone does not tell what: softening, set, friction and "
             "others look alike there. Record the way back, and cycles."
         )
-    if not told.tellable:
+    if not told.decision.tellable:
         return "Too little was recorded to tell whether anything is missing."
     said = "It cannot be told what is missing, or whether anything is"
     if probable.nothing <= 1 - SURE:
@@ -58,9 +59,9 @@ def _effects(names: list[str]) -> str:
     return listed([plain(n) for n in names])
 
 
-def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
+def _named(result: dict[str, Any], told: Judgement, falls: str, noise: str) -> str:
     """What was left out, or most likely was, and what it takes from the error."""
-    chance = min(told.probable.effects[n] for n in told.names)
+    chance = min(told.posterior.effects[n] for n in told.names)
     named, one = _effects(told.names), len(told.names) == 1
     apart = _apart(told)
     if apart and one:  # its scale was free before, so that no error changes
@@ -76,8 +77,8 @@ def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
             f"{effect(told.names[0]).where}."
         )
     fit, it = result["fit"], "it" if one else "them"
-    if told.account.effects > set(told.names):  # of readings with it the best
-        it = _effects(sorted(told.account.effects))
+    if told.decision.account.effects > set(told.names):  # of readings with it the best
+        it = _effects(sorted(told.decision.account.effects))
     after = fit["after"]["heldout_nrmse"]
     said += f" With {it} {falls} to {percent(after)} (noise {noise})."
     old, least = fit["before"]["heldout_nrmse"] ** 2, fit["noise_nrmse"] ** 2
@@ -92,7 +93,7 @@ def _named(result: dict[str, Any], told: Told, falls: str, noise: str) -> str:
     return said + apart + _otherwise(told)
 
 
-def _apart(told: Told) -> str:
+def _apart(told: Judgement) -> str:
     """By what factor a specimen is off, where one is named as a mistake."""
     said, named = "", mistaken(told.after) & set(told.names)
     for piece in told.after.guess.pieces:
@@ -107,9 +108,9 @@ def _apart(told: Told) -> str:
     return said
 
 
-def _otherwise(told: Told) -> str:
+def _otherwise(told: Judgement) -> str:
     """The other readings that share the probability."""
-    ways = told.probable.ways()
+    ways = told.posterior.ways()
     others = [(s, p) for s, p in ways if s != frozenset(told.names)][:3]
     if not others or ways[0][1] >= SURE:
         return ""
@@ -120,23 +121,24 @@ def _otherwise(told: Told) -> str:
     return f" {'Or' if told.names else 'Possible:'} {', or '.join(said)}."
 
 
-def _corrected(result: dict[str, Any], told: Told) -> str:
+def _corrected(result: dict[str, Any], told: Judgement) -> str:
     """By what the simulation is corrected, where nothing is named."""
-    if not told.account.effects:
+    if not told.decision.account.effects:
         return ""
     after = percent(result["fit"]["after"]["heldout_nrmse"])
+    effects = _effects(sorted(told.decision.account.effects))
     return (
-        f" The model given has {_effects(sorted(told.account.effects))}: of these "
-        f"readings it foretells best ({after})."
+        f" The corrected model has {effects}: it predicts best what was left out "
+        f"({after})."
     )
 
 
-def _structure(result: dict[str, Any], told: Told) -> str:
+def _structure(result: dict[str, Any], told: Judgement) -> str:
     """On what that depends which no effect explains, and when it comes back."""
     structure = result["structure"]
     if not structure:
         return ""
-    said, it = "", "What that leaves" if told.account.effects else "It"
+    said, it = "", "What that leaves" if told.decision.account.effects else "It"
     if structure["depends_on"]:
         said = f" {it} depends on {plain(next(iter(structure['depends_on'])))} most."
     if period := structure["period"]:
@@ -147,10 +149,10 @@ def _structure(result: dict[str, Any], told: Told) -> str:
     return said
 
 
-def _nearest(told: Told) -> str:
+def _nearest(told: Judgement) -> str:
     """The known effect that comes nearest, with the share it accounts for."""
-    for name in told.probable.effects:
-        own = [a.fit.chi2 for a in told.found.accounts if a.effects == {name}]
+    for name in told.posterior.effects:
+        own = [a.fit.chi2 for a in told.candidates if a.effects == {name}]
         if own:
             old = told.base.fit.chi2
             missed = max(old - len(told.engine.target), 1e-9)
@@ -162,9 +164,9 @@ def _nearest(told: Told) -> str:
     return ""
 
 
-def next_recording(told: Told) -> dict[str, Any] | None:
+def next_recording(told: Judgement) -> dict[str, Any] | None:
     """The recording that would tell the likeliest readings apart."""
-    names = list(told.probable.effects)
+    names = list(told.posterior.effects)
     if not told.names and locate.only_loading(told.engine):
         return {
             "strain_programme": "cycles to growing strain, each amplitude twice, and a "

@@ -13,8 +13,8 @@ from softnn.fit import Fit, Piece, fit
 from softnn.mismatch import locate, verify, words
 from softnn.mismatch.case import Case
 from softnn.mismatch.evidence import changes
+from softnn.mismatch.judgement import Judgement
 from softnn.mismatch.learn import Learned
-from softnn.mismatch.verdict import Told
 from softnn.recording import data_hash
 
 VERSION = 1
@@ -23,7 +23,7 @@ VERSION = 1
 def diagnosis(
     case: Case,
     axes: Axes,
-    told: Told,
+    told: Judgement,
     learned: Learned | None,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
@@ -31,11 +31,12 @@ def diagnosis(
 
     The scan for regions and the interval of the held-out error draw from `rng`.
     """
-    before, after, probable = told.heldout_before, told.heldout_after, told.probable
+    decision, probable = told.decision, told.posterior
+    before, after = decision.before, decision.after
     ratio, low, high = verify.ratio_interval(before.errors, after.errors, rng)
     pieces = [(i, p) for i, p in enumerate(told.after.guess.pieces) if not p.nuisance]
     found = list(zip(pieces, changes(told.fine, told.after), strict=True))
-    squares = float(np.sum(told.engine.target**2))
+    samples, squares = len(told.engine.target), float(np.sum(told.engine.target**2))
     result: dict[str, Any] = {
         "case": case.name,
         "data_sha256": data_hash(case.recordings),
@@ -51,7 +52,7 @@ def diagnosis(
             for (i, piece), change in found
             if piece.effect.id in told.names
         ],
-        "corrected_by": sorted(told.account.effects),
+        "corrected_by": sorted(decision.account.effects),
         "probabilities": {
             "nothing": round(probable.nothing, 4),
             "on_no_list": round(probable.nothing_named, 4),
@@ -66,11 +67,12 @@ def diagnosis(
             "after": _errors(told, told.after, after),
             "heldout_ratio": ratio,
             "heldout_ratio_95": [low, high],
-            "noise_nrmse": float(np.sqrt(np.sum(told.engine.sigma**2) / squares)),
-            "residual_correlation": verify.whiteness(told.engine, told.final),
+            "noise_nrmse": told.noise_MPa * float(np.sqrt(samples / squares)),
+            "residual_correlation": verify.whiteness(told.engine, decision.account.fit),
         },
         "next_recording": words.next_recording(told),
         "candidates": _candidates(told),
+        "judged_by": told.judged_by,
         "structure": None if learned is None else _structure(learned, axes),
         "axes": {
             "strain": [axes.strain.name, axes.strain.unit],
@@ -81,17 +83,19 @@ def diagnosis(
     return result
 
 
-def _noise(told: Told, axes: Axes) -> dict[str, Any]:
-    noise, unit, one = told.found.noise, axes.stress.unit, axes.stress.one
+def _noise(told: Judgement, axes: Axes) -> dict[str, Any]:
+    noise, unit, one = told.noise, axes.stress.unit, axes.stress.one
     return {
-        f"sigma_{unit}": one * float(np.sqrt(np.mean(told.engine.sigma**2))),
+        f"sigma_{unit}": one * told.noise_MPa,
         "correlation_time_s": float(np.median([n.correlation_s for n in noise])),
         "share_of_stress": float(np.median([n.share for n in noise])),
         f"step_{unit}": one * float(max(n.step_MPa for n in noise)),
     }
 
 
-def _regions(told: Told, axes: Axes, rng: np.random.Generator) -> list[dict[str, Any]]:
+def _regions(
+    told: Judgement, axes: Axes, rng: np.random.Generator
+) -> list[dict[str, Any]]:
     """Where named effects act beyond two sigma; else where noise does not explain."""
     engine = told.fine
     if told.names:
@@ -105,17 +109,24 @@ def _regions(told: Told, axes: Axes, rng: np.random.Generator) -> list[dict[str,
     return locate.regions(engine, mask, moved, axes)
 
 
-def _nrmse(told: Told, one: Fit) -> float:
+def _nrmse(told: Judgement, one: Fit) -> float:
     target = told.fine.target
     return verify.nrmse_of((target - one.stress) ** 2, target**2)
 
 
-def _errors(told: Told, one: Fit, heldout: verify.Heldout) -> dict[str, float]:
-    return {"nrmse": _nrmse(told, one), "heldout_nrmse": heldout.nrmse}
+def _errors(told: Judgement, one: Fit, heldout: verify.Heldout) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "nrmse": _nrmse(told, one),
+        "heldout_nrmse": heldout.nrmse,
+    }
+    if heldout.worst is not None:
+        by, error = heldout.worst
+        found["worst"] = {"left_out": by, "nrmse": error}
+    return found
 
 
 def _explanation(
-    told: Told, axes: Axes, index: int, piece: Piece, change: Array
+    told: Judgement, axes: Axes, index: int, piece: Piece, change: Array
 ) -> dict[str, Any]:
     """An effect named, with its parameters; `change` (valid,) of the stress is its."""
     law, engine, found = piece.effect, told.fine, told.after
@@ -146,30 +157,30 @@ def _explanation(
         "effect": law.id,
         "stage": law.stage,
         "form": law.form,
-        "probability": round(told.probable.effects[law.id], 4),
+        "probability": round(told.posterior.effects[law.id], 4),
         "parameters": parameters,
         "where": law.where,
-        "equivalent": told.probable.instead(law.id),
+        "equivalent": told.posterior.instead(law.id),
         "recordings": [names[r] for r in np.unique(engine.owner[acts])],
         "nrmse_without": _nrmse(told, refit),
     }
 
 
-def _candidates(told: Told) -> list[dict[str, Any]]:
+def _candidates(told: Judgement) -> list[dict[str, Any]]:
     """The base and every effect tried, alone at its best, the likeliest first."""
-    accounts = told.found.accounts
+    accounts = told.candidates
     out = []
-    tried = [(None, told.probable.nothing), *told.probable.effects.items()]
+    tried = [(None, told.posterior.nothing), *told.posterior.effects.items()]
     for name, p in tried:
         which = {name} - {None}
         own = [a for a in accounts if a.effects == which] or accounts[:1]
-        best = max(own, key=lambda a: a.evidence.alone)
+        best = max(own, key=told.log_odds)
         out.append(
             {
                 "effect": name,
                 "probability": round(p, 4),
-                "heldout_nrmse": verify.heldout(told.engine, best.fit).nrmse,
-                "evidence": float(best.evidence.alone - accounts[0].evidence.alone),
+                "heldout_nrmse": told.heldout(best).nrmse,
+                "evidence": told.log_odds(best),
                 "seconds": round(best.seconds, 3),
             }
         )

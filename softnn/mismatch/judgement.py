@@ -1,0 +1,196 @@
+"""From a fitted base to what is said of it: search, posterior, decision.
+
+The search asks one question first: can any candidate explain the recordings down to the
+noise? If so, the likelihood decides. If not, prediction does (`prediction`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from softnn.contracts import Array
+from softnn.fit import Engine, Fit, fit
+from softnn.mismatch import locate, prediction, replicates, verify, zeros
+from softnn.mismatch.accounts import Search, search
+from softnn.mismatch.base import Baseline, live, weigh_by
+from softnn.mismatch.decision import (
+    FEWEST,
+    Decision,
+    Shows,
+    decide,
+    decide_by_prediction,
+)
+from softnn.mismatch.mistakes import mistaken, with_mistakes
+from softnn.mismatch.posterior import Posterior, Tried, posterior
+from softnn.mismatch.prediction import Candidate
+from softnn.noise import Noise, estimate
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What was tried, what is said of it, and the simulations before and after.
+
+    `engine` has the samples of the search, `fine` those of the report; `before` and
+    `after` are fits to the latter, without and with what corrects the simulation.
+    `judged_by`: "likelihood", or "prediction" where no candidate reaches the noise.
+    """
+
+    base: Baseline
+    noise: list[Noise]
+    candidates: Sequence[Tried]  # the first is the base alone
+    posterior: Posterior
+    decision: Decision
+    fine: Engine
+    before: Fit
+    after: Fit
+    judged_by: str
+
+    @property
+    def engine(self) -> Engine:
+        return self.base.engine
+
+    @property
+    def names(self) -> list[str]:
+        """Ids of the effects named, in the order in which they act."""
+        return list(self.decision.names)
+
+    @property
+    def verdict(self) -> str:
+        return self.decision.verdict
+
+    @property
+    def noise_MPa(self) -> float:
+        """Root mean square of the noise over the samples of the search."""
+        every = zip(self.noise, self.engine.data.stress_MPa, strict=True)
+        square = [n.sigma(s[np.isfinite(s)]) ** 2 for n, s in every]
+        return float(np.sqrt(np.concatenate(square).mean()))
+
+    def heldout(self, account: Tried) -> verify.Heldout:
+        """Error of an account on recordings left out."""
+        if isinstance(account, Candidate):
+            return account.heldout
+        return verify.heldout(self.engine, account.fit)
+
+    def log_odds(self, account: Tried) -> float:
+        """Log odds of an account over the base alone, but for their prior, nats."""
+        return account.log_odds - self.candidates[0].log_odds
+
+
+def judge(base: Baseline) -> Judgement:
+    """Search, weigh and decide for a base at its best."""
+    found = search(base)
+    if found.reaches_noise:
+        return by_likelihood(found)
+    return by_prediction(base)
+
+
+def _shows(engine: Engine) -> Shows:
+    return Shows(len(engine.target) < FEWEST, locate.only_loading(engine))
+
+
+def by_likelihood(found: Search) -> Judgement:
+    """The judgement where some candidate explains the recordings down to the noise."""
+    base, engine = found.base, found.base.engine
+    probable = with_mistakes(posterior(found.accounts), engine)
+    own = replicates.apart(engine, probable), zeros.apart(engine)
+    for one in own:
+        probable = one.asked(probable)
+
+    def judged_apart(account: Tried) -> frozenset[str]:
+        return mistaken(account.fit).union(*(one.said(account.fit) for one in own))
+
+    decision = decide(
+        probable,
+        found.accounts[0],
+        lambda account: verify.heldout(engine, account.fit),
+        _shows(engine),
+        judged_apart,
+        lambda account: account.fit.chi2 / len(engine.target),
+    )
+    fine = engine.fine or engine
+    weigh_by(fine, found.noise)
+    before, after = _fits(fine, base, decision)
+    return Judgement(
+        base,
+        found.noise,
+        found.accounts,
+        probable,
+        decision,
+        fine,
+        before,
+        after,
+        "likelihood",
+    )
+
+
+def by_prediction(base: Baseline) -> Judgement:
+    """The judgement where no candidate explains the recordings down to the noise."""
+    engine = base.engine
+    found = prediction.search(base)
+    best = prediction.best(found)
+    probable = with_mistakes(prediction.posterior(found), engine)
+    faults = prediction.faults(base, best)
+    own = replicates.apart(engine, probable, faults), zeros.apart(engine)
+    for one in own:
+        probable = one.asked(probable)
+
+    def judged_apart(account: Tried) -> frozenset[str]:
+        return mistaken(account.fit).union(*(one.said(account.fit) for one in own))
+
+    def heldout(account: Tried) -> verify.Heldout:
+        assert isinstance(account, Candidate)
+        return account.heldout
+
+    decision = decide_by_prediction(
+        probable,
+        found[0],
+        best,
+        heldout,
+        _shows(engine),
+        judged_apart,
+    )
+    fine = engine.fine or engine
+    noise, left = _noise_left(fine, best.fit)
+    prediction.weigh_alike(fine, max(left / engine.level, 1e-9))
+    before, after = _fits(fine, base, decision)
+    return Judgement(
+        base,
+        noise,
+        found,
+        probable,
+        decision,
+        fine,
+        before,
+        after,
+        "prediction",
+    )
+
+
+def _fits(fine: Engine, base: Baseline, decision: Decision) -> tuple[Fit, Fit]:
+    before = fit(fine, base.fit.guess, fixed_base=base.fixed, iterations=2)
+    if not decision.account.effects:
+        return before, before
+    guess = decision.account.fit.guess
+    return before, fit(fine, guess, fixed_base=base.fixed, iterations=3)
+
+
+def _noise_left(fine: Engine, best: Fit) -> tuple[list[Noise], float]:
+    """The noise in short windows of what the best candidate leaves, and all of that.
+
+    The noise is an upper bound, at most the root mean square [MPa] of what is left:
+    where samples lie far apart, windows hold some of the misfit too.
+    """
+    residual: Array = fine.target - fine.run(best.guess, False)[0]
+    parts, stress = fine.by_recording(residual), fine.data.stress_MPa
+    times = [c.time_s for c in fine.data.chunks]
+    noise = estimate(live(parts, fine.level), stress, times, False)
+    left = float(np.sqrt(np.mean(residual**2)))
+    every = zip(noise, stress, strict=True)
+    square = np.concatenate([n.sigma(s[np.isfinite(s)]) ** 2 for n, s in every])
+    less = min(1.0, left / max(float(np.sqrt(square.mean())), 1e-300))
+    return [
+        replace(n, floor_MPa=less * n.floor_MPa, share=less * n.share) for n in noise
+    ], left

@@ -1,0 +1,410 @@
+"""Search by prediction: fits in stress, judged on recordings that were left out.
+
+Where no candidate model explains the recordings down to the noise, the likelihood says
+little: all candidates are wrong by far more than the noise, and their evidence compares
+errors that nobody models (the M-open case: Bernardo and Smith 1994). What can still be
+asked is which candidate predicts best. So all samples weigh alike (least squares in
+stress: Tuo and Wu 2015, doi:10.1214/15-AOS1314), and candidates are ranked by their
+error on recordings that the fit did not see. The fit learns nothing from those but the
+scale of a new specimen, which every candidate gets alike.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softnn.contracts import Array, Chunk
+from softnn.effects import EFFECTS
+from softnn.fit import Engine, Fit, Guess, fit
+from softnn.mismatch.base import Baseline
+from softnn.mismatch.candidates import FIRST, FORMS, LATER, candidates, expand, names
+from softnn.mismatch.posterior import Hypothesis, Posterior
+from softnn.mismatch.verify import Heldout, without_rows
+from softnn.state import BRANCHES, phases
+
+LEVEL = 0.01  # of the largest stress: the weight of every sample
+ALIKE = 0.15  # of a logarithm, within which rates and amplitudes are one level
+MOST_FOLDS = (
+    6  # of single recordings; where there are more, several are left out at once
+)
+IGNORED = 1e6  # times the usual deviation: a sample that no fit sees
+BEAM = (3, 2)  # candidates of one, two effects that are given one more
+FINALISTS = 5  # of each number of effects, that are refitted without each fold
+REFITTED = 6  # iterations of such a refit
+FLOOR = 0.001  # of the stress: a smaller error is as good as none
+SHARP = 25.0  # log odds for each unit of the logarithm of the error
+PRICE = 2.5  # log odds against each effect: a tenth of the error
+ENOUGH = 3  # specimens or recordings that are left out in turn; fewer say less
+OTHER = 1.5  # power of the share of the error left: odds of something not on the list
+SAME = 0.01  # of a logarithm, that a further effect has to win where it only corrects
+HARM = 0.05  # of a logarithm, by which the base may be better by chance
+AGAIN = 0.3  # of the largest strain, that a reloading has to cover
+SINGLE = ("specimen", "recording", "stretch")  # folds in which each sample is once
+MOVING, HELD = 0.3, 0.05  # of the usual speed, above and below
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Samples that a fit does without: recordings, or a stretch of a single one."""
+
+    by: str  # "specimen", "recording", "rate", "amplitude", "programme" or "stretch"
+    rows: NDArray[np.bool]  # (valid,)
+    recordings: tuple[int, ...]  # left out as a whole; none of a stretch
+
+
+@dataclass(frozen=True)
+class Folds:
+    """What is left out in turn; `squares` (folds,) of the measured stress, MPa^2."""
+
+    every: tuple[Fold, ...]
+    squares: Array
+
+    @property
+    def sharpness(self) -> float:
+        """Log odds for each unit of the logarithm of the error.
+
+        Stretches of one recording, or two recordings, are hardly independent trials.
+        """
+        count = sum(f.by in ("specimen", "recording") for f in self.every)
+        return SHARP * min(max(count, 1) / ENOUGH, 1.0)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of effects, its best fit to all recordings, and its error in each fold.
+
+    `errors` (folds,) are sums of squares, MPa^2: of fits made anew without each fold
+    where `refitted`, else of one Gauss-Newton step from the fit to all.
+    """
+
+    fit: Fit
+    errors: Array
+    folds: Folds
+    refitted: bool = False
+    seconds: float = 0.0
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """Ids of the effects."""
+        return frozenset(names(self.fit))
+
+    @property
+    def nrmse(self) -> Array:
+        """NRMSE (folds,) in each fold."""
+        return np.sqrt(self.errors / self.folds.squares)
+
+    @property
+    def score(self) -> float:
+        """Logarithm of the NRMSE: of all folds together and of each, in the mean.
+
+        Of all together large stresses decide, of each by itself every fold does alike.
+        """
+        each = np.mean(np.log(self.nrmse**2 + FLOOR**2))
+        whole = self.errors.sum() / self.folds.squares.sum()
+        return 0.25 * float(each + np.log(whole + FLOOR**2))
+
+    @property
+    def log_odds(self) -> float:
+        """What the error says for it, nats, but for a constant and its prior."""
+        return -self.folds.sharpness * self.score
+
+    @property
+    def heldout(self) -> Heldout:
+        """Error on all recordings, each predicted by fits that did not see it."""
+        worst = int(self.nrmse.argmax())
+        single = np.array([f.by in SINGLE for f in self.folds.every])
+        return Heldout(
+            self.errors[single],
+            self.folds.squares[single],
+            float("nan"),
+            (self.folds.every[worst].by, float(self.nrmse[worst])),
+        )
+
+
+def harms(one: Candidate, base: Candidate) -> str | None:
+    """The kind of fold in which the base is better by more than the scatter, if any."""
+    behind = np.log((one.nrmse + FLOOR) / (base.nrmse + FLOOR))
+    kinds = np.array([f.by for f in one.folds.every])
+    for by in dict.fromkeys(kinds):
+        own = behind[kinds == by]
+        error = own.std(ddof=1) / np.sqrt(len(own)) if len(own) > 1 else 0.0
+        if own.mean() > max(HARM, error):
+            return str(by)
+    return None
+
+
+def best(found: Sequence[Candidate]) -> Candidate:
+    """The candidate that predicts best and nowhere worse than the first, the base."""
+    safe = [c for c in found if harms(c, found[0]) is None]
+    return min(safe, key=lambda c: c.score + SAME * len(c.effects))
+
+
+# --- what is left out -----------------------------------------------------------------
+
+
+def folds(engine: Engine, specimens: Sequence[tuple[int, ...]]) -> list[Fold]:
+    """What is left out in turn: specimens or recordings, rates, amplitudes, programmes.
+
+    `specimens` are the recordings of each, where somebody wrote them down. Never more
+    than half of the recordings are left out. Of a single recording five stretches are.
+    """
+    count = len(engine.chunks)
+    if count < 2:
+        n = len(engine.target)
+        which = np.minimum(np.arange(n) * 5 // max(n, 1), 4)
+        return [Fold("stretch", which == k, ()) for k in np.unique(which)]
+    told = len(specimens) > 1
+    single = list(specimens) if told else [(r,) for r in range(count)]
+    if len(single) > MOST_FOLDS:
+        single = [sum(single[k::MOST_FOLDS], ()) for k in range(MOST_FOLDS)]
+    sets = {tuple(sorted(one)): "specimen" if told else "recording" for one in single}
+    reach, rate, held = zip(*map(_programme, engine.chunks), strict=True)
+    for by, values in (("amplitude", reach), ("rate", rate), ("programme", held)):
+        groups = levels(values)
+        for one in groups if len(groups) > 1 else ():
+            if 2 * len(one) <= count:
+                sets.setdefault(one, by)
+    found = [Fold(by, engine.within(of), of) for of, by in sets.items()]
+    return [f for f in found if f.rows.any() and not f.rows.all()]
+
+
+def _programme(chunk: Chunk) -> tuple[float, float, float]:
+    """Largest strain, usual strain rate [1/s], and 2 where most of the time is held."""
+    reach = max(float(np.abs(chunk.strain).max()), 1e-12)
+    step = np.maximum(np.diff(chunk.time_s), 1e-12)
+    travel = np.abs(np.diff(chunk.strain))
+    speed = travel / step
+    usual = float(np.quantile(speed, 0.9)) if len(speed) else 0.0
+    moving = speed > MOVING * usual
+    rate = travel[moving].sum() / max(step[moving].sum(), 1e-12)
+    held = step[speed < HELD * usual].sum() > 0.5 * step.sum()
+    return reach, max(float(rate), 1e-12), 1.0 + held
+
+
+def levels(values: Sequence[float]) -> list[tuple[int, ...]]:
+    """Indices of the values that agree to within `ALIKE`, in rising order.
+
+    >>> levels([1.0, 0.1, 1.05, 10.0])
+    [(1,), (0, 2), (3,)]
+    """
+    out: list[list[int]] = []
+    for i in np.argsort(values, kind="stable"):
+        if out and np.log(values[i] / values[out[-1][0]]) < ALIKE:
+            out[-1].append(int(i))
+        else:
+            out.append([int(i)])
+    return [tuple(sorted(group)) for group in out]
+
+
+def specimens_of(guess: Guess, count: int) -> list[tuple[int, ...]]:
+    """The recordings of each specimen that has a scale in this guess, if any have."""
+    for piece in guess.pieces:
+        if piece.nuisance:
+            mine = {r for group in piece.groups for r in group}
+            first = tuple(r for r in range(count) if r not in mine)
+            return [first, *piece.groups]
+    return []
+
+
+# --- fits that do without it ----------------------------------------------------------
+
+
+def weigh_alike(engine: Engine, level: float = LEVEL) -> None:
+    """Weigh all samples alike: a deviation of `level` of the largest stress."""
+    sigma = level * engine.level
+    engine.set_noise([np.full(len(s), sigma) for s in engine.data.stress_MPa], None)
+
+
+@contextmanager
+def without(engine: Engine, rows: NDArray[np.bool]) -> Iterator[None]:
+    """The engine as if it had not these samples (valid,)."""
+    sigma = np.full(len(engine.measured), LEVEL * engine.level)
+    sigma[np.flatnonzero(engine.valid)[rows]] *= IGNORED
+    engine.set_noise(np.split(sigma, engine.data.starts[1:-1].astype(int)), None)
+    try:
+        yield
+    finally:
+        weigh_alike(engine)
+
+
+def unmet(guess: Guess, fold: Fold) -> Guess:
+    """The guess for recordings that it has not met: as the others are on average.
+
+    What a piece has of its own in recordings of the fold becomes the mean of the
+    others, or what the same specimen has in them, and is no longer free.
+    """
+    gone = set(fold.recordings)
+    if not gone:
+        return guess
+    pieces = []
+    for piece in guess.pieces:
+        values = dict(piece.values)
+        for name in piece.effect.per_recording:
+            array = np.array(values[name], float)
+            rest = [r for r in range(len(array)) if r not in gone]
+            for r in gone:
+                same = [q for g in piece.groups if r in g for q in g if q not in gone]
+                array[r] = array[same or rest].mean()
+            values[name] = array
+        kept = (tuple(r for r in g if r not in gone) for g in piece.groups)
+        groups = tuple(g for g in kept if g)
+        pieces.append(replace(piece, values=values, groups=groups))
+    return replace(guess, pieces=tuple(pieces))
+
+
+def missed(
+    engine: Engine, guess: Guess, fold: Fold, specimens: Sequence[tuple[int, ...]]
+) -> float:
+    """Sum of squared errors, MPa^2, of a guess in a fold.
+
+    A specimen that is new there gets the scale that suits it best, as nothing else
+    could tell it.
+    """
+    stress, gone = engine.run(guess, False)[0], set(fold.recordings)
+    new = {r for one in specimens if set(one) <= gone for r in one}
+    total = 0.0
+    for r in np.unique(engine.owner[fold.rows]):
+        rows = fold.rows & (engine.owner == r)
+        s, y = stress[rows], engine.target[rows]
+        if r in new:
+            s = s * (float(s @ y) / max(float(s @ s), 1e-300))
+        total += float(np.sum((y - s) ** 2))
+    return total
+
+
+class Judge:
+    """Says what fits miss of recordings that they did not see."""
+
+    def __init__(self, engine: Engine, base: Guess) -> None:
+        self.engine = engine
+        self.specimens = specimens_of(base, len(engine.chunks))
+        every = folds(engine, self.specimens)
+        squares = [float(np.sum(engine.target[f.rows] ** 2)) for f in every]
+        self.folds = Folds(tuple(every), np.maximum(squares, 1e-300))
+
+    def judged(self, found: Fit, refit: bool = False) -> Candidate:
+        """A fit with its errors by one step without each fold, or by a real refit."""
+        clock, engine = time.perf_counter(), self.engine
+        errors = []
+        for fold in self.folds.every:
+            guess = unmet(without_rows(engine, found, fold.rows), fold)
+            if refit:
+                with without(engine, fold.rows):
+                    again = fit(
+                        engine,
+                        guess,
+                        fixed_base=found.fixed_base,
+                        iterations=REFITTED,
+                    )
+                guess = unmet(again.guess, fold)
+            errors.append(missed(engine, guess, fold, self.specimens))
+        seconds = time.perf_counter() - clock
+        return Candidate(found, np.array(errors), self.folds, refit, seconds)
+
+
+def ranked(every: Iterable[Candidate]) -> list[Candidate]:
+    """The best candidate of each set of effects, the best of all first."""
+    found: dict[frozenset[str], Candidate] = {}
+    for one in sorted(every, key=lambda c: c.score):
+        found.setdefault(one.effects, one)
+    return list(found.values())
+
+
+# --- the search -----------------------------------------------------------------------
+
+
+def search(base: Baseline) -> list[Candidate]:
+    """The sets of effects that predict best, the base alone first; all are refitted.
+
+    The engine of the base weighs all samples alike from now on, and its fit is the best
+    one so. Effects of single recordings take no part: they say nothing of others. A gap
+    does, as all strips are mounted alike.
+    """
+    engine = base.engine
+    weigh_alike(engine)
+    base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed)
+    judge = Judge(engine, base.fit.guess)
+    pool = candidates(engine, base.name, base.fixed, _own_forms(engine))
+    found = [judge.judged(base.fit)]
+
+    def grown(parents: Sequence[Candidate], most: int, forms: int) -> list[Candidate]:
+        fits = [f for c in parents for f in expand(engine, c.fit, pool, most, forms)]
+        mine = [judge.judged(one) for one in fits]
+        found.extend(mine)
+        return ranked(mine)
+
+    one = grown(found[:1], FIRST, FORMS)
+    two = grown(one[: BEAM[0]], LATER + 1, 1)
+    grown(two[: BEAM[1]], LATER, 1)
+    order = ranked(found)
+    finalists = [c for c in order if not c.effects]
+    for size in range(1, len(BEAM) + 2):
+        finalists += [c for c in order if len(c.effects) == size][:FINALISTS]
+    return [judge.judged(c.fit, refit=True) for c in finalists]
+
+
+def _own_forms(engine: Engine) -> frozenset[str]:
+    """Forms of laws that say nothing of recordings that were left out.
+
+    Faults of single recordings; a limit that no reading stays at; and softening on
+    reloading, where nothing is reloaded: a single loop is as wide by viscosity.
+    """
+    data = (engine.fine or engine).data
+    reloaded = any(_reloads(chunk) for chunk in engine.chunks)
+    out = set()
+    for law in EFFECTS:
+        own = bool(law.per_recording) and not law.carries_over
+        if law.id == "load_cell_saturation":  # no reading stays at a limit
+            own = law.shown(data.chunks, data.stress_MPa) is None
+        if law.on_reloading and not reloaded:
+            own = True
+        for form in law.forms:
+            if own or (form.per_recording and not form.carries_over):
+                out.add(form.form)
+    return frozenset(out)
+
+
+def faults(base: Baseline, best: Candidate) -> list[Fit]:
+    """Fits of the best candidate with one fault of single recordings more each."""
+    engine = base.engine
+    laws = [
+        law
+        for law in candidates(engine, base.name, base.fixed)
+        if law.amplitude in law.per_recording and law.id not in best.effects
+    ]
+    return expand(engine, best.fit, laws, len(laws), 2)
+
+
+def _reloads(chunk: Chunk) -> bool:
+    """Whether a specimen is loaded again, by `AGAIN` of its largest strain or more."""
+    size = np.abs(chunk.strain)
+    again = phases(chunk).branch == BRANCHES.index("reloading")
+    steps = np.diff(size, prepend=size[0])
+    return bool(steps[again & (steps > 0)].sum() > AGAIN * max(size.max(), 1e-12))
+
+
+def posterior(found: Sequence[Candidate]) -> Posterior:
+    """Probability of each set of effects, by how well it predicts.
+
+    log P(S) = - sharpness times the score of S - `PRICE` for each effect. No set
+    reaches the noise, so that something which is not on the list may be behind all of
+    it: the more so, the more of the error of the base the best set leaves.
+    """
+    base, *rest = found
+    hypotheses = [Hypothesis(base), Hypothesis(base, True), *map(Hypothesis, rest)]
+    log = np.array([h.account.log_odds - PRICE * len(h.effects) for h in hypotheses])
+    weight = np.exp(log - log[1:].max())
+    weight[0] = 0.0
+    weight /= weight.sum()
+    gain = base.score - min(c.score for c in found)
+    other = np.exp(-OTHER * gain)
+    weight *= 1 - other
+    weight[1] += other
+    beside = np.array([0.0, 0.0, *(1.0 for _ in rest)])
+    return Posterior(tuple(hypotheses), weight, beside)
