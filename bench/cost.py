@@ -347,7 +347,7 @@ def run(a: argparse.Namespace) -> None:
         "report_samples": base.REPORT,
         "cores": os.cpu_count(),
     }
-    folder = a.out or results_folder(a.smoke)
+    folder = a.out or results_folder(a.smoke, a.publish)
     body = {"curves": curves, "timings": rows, "repeats": a.repeats}
     written = write_result("cost", headline, body, seed=a.seed, folder=folder)
     save_figure(cost_figure(curves), "cost", folder)

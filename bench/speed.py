@@ -389,7 +389,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             {"networks": found["rows"], "arithmetic": found["arithmetic"]},
             seed=given.seed,
             data={"networks": found["data"]},
-            folder=results_folder(smoke),
+            folder=results_folder(smoke, given.publish),
         )
 
     return guarded(work)

@@ -210,5 +210,5 @@ def run(a: Any) -> None:
         {"rates": result, "rows": sorted(rows, key=lambda r: (r["of"], r["case"]))},
         seed=a.seed,
         data={f"{r['of']}/{r['case']}": r["data"] for r in rows},
-        folder=results_folder(a.smoke),
+        folder=results_folder(a.smoke, a.publish),
     )

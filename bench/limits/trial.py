@@ -35,7 +35,14 @@ from bench.limits.reporting import report
 from bench.limits.summary import CORRELATION_S
 from softnn.contracts import InputError
 from softnn.database import Store
-from softnn.study.common import code_of, guarded, package_files, parser, runs_folder
+from softnn.study.common import (
+    code_of,
+    commit,
+    guarded,
+    package_files,
+    parser,
+    runs_folder,
+)
 from softnn.workers import workers
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
@@ -234,11 +241,14 @@ def run(a: argparse.Namespace) -> None:
     whole = len(rows) == len(wanted) and grid.effects == orders.NAMES
     record = {
         "grid": asdict(grid),
-        "code": store.code,
+        "commit": commit(),
         "cases": len(rows),
         "missing": len(wanted) - len(rows),
         "smoke": a.smoke,
-        "published": whole and grid.seed >= orders.FIRST_TRIAL_SEED and not a.smoke,
+        "published": a.publish
+        and whole
+        and grid.seed >= orders.FIRST_TRIAL_SEED
+        and not a.smoke,
     }
     report(rows, record, home / "limits" / f"seed-{grid.seed}", a.tracking)
 
