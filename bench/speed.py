@@ -230,6 +230,28 @@ def starts(
     return runs
 
 
+def known(
+    material: str, seed: int
+) -> tuple[list[Recording], Samples, NDArray[np.bool_]]:
+    """Recordings, the samples of them, and which of these are learned from."""
+    recordings = [
+        prepare.specimen(r, samples=len(r)) for r in virtual.tensile(material, seed)
+    ]
+    data = samples(recordings)
+    held_in = np.random.default_rng(seed).random(len(data.target)) < 0.9
+    return recordings, data, held_in
+
+
+def arithmetic(
+    material: str, neurons: Sequence[int], seed: int
+) -> list[dict[str, Any]]:
+    """What training uses of a core, for each network: see `speed_arithmetic`."""
+    _, data, held_in = known(material, seed)
+    return speed_arithmetic.measure(
+        data.inputs, data.target, held_in, list(neurons), seed
+    )
+
+
 def networks(
     material: str, neurons: Sequence[int], budget: float, seed: int
 ) -> dict[str, Any]:
@@ -237,11 +259,7 @@ def networks(
 
     Every method has the same seconds in all, for as many starts as fit in them.
     """
-    recordings = [
-        prepare.specimen(r, samples=len(r)) for r in virtual.tensile(material, seed)
-    ]
-    data = samples(recordings)
-    held_in = np.random.default_rng(seed).random(len(data.target)) < 0.9
+    recordings, data, held_in = known(material, seed)
     rows, ratios = [], []
     for size in neurons:
         task = Task(data.inputs, data.target, held_in, size)
@@ -269,12 +287,9 @@ def networks(
             ratios.append(row["ratio"])
         rows.append(row)
     complete = len(ratios) == len(rows)
-    digits = speed_arithmetic.measure(
-        data.inputs, data.target, held_in, list(neurons), seed
-    )
     return {
         "rows": rows,
-        "arithmetic": digits,
+        "arithmetic": arithmetic(material, neurons, seed),
         "training_samples": int(held_in.sum()),
         "geometric_mean_ratio": float(np.exp(np.mean(np.log(ratios))))
         if complete
