@@ -6,7 +6,7 @@ the truth best; the constants of `softnn.mismatch.posterior` are those under whi
 are likeliest where they are true, and unlikeliest where they are not. They are pulled
 towards those before, which other lessons taught; how much, cross-validation over cases
 says, and where it says that these lessons teach nothing that holds beyond them, those
-before stay. Written to studies/results/calibration.json, from where they are copied
+before stay. Written to calibration.json, from where they are copied
 into the code by hand.
 
 A probability holds for a mixture of cases. How many of each kind (`bench.scoring`) were

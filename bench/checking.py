@@ -145,7 +145,7 @@ def kind_of(name: str, checkers: Mapping[str, Checker]) -> str:
 
 
 def check_file(file: Path, checker: Checker, seconds: float, seed: int) -> Result:
-    """What a check of one result file found; one row at least, however long it takes."""
+    """What a check of one result file found, of one row at least."""
     found: dict[str, Any] = {"rows": 0, "figures": 0, "moved": [], **provenance()}
     if checker.again is None:
         return {**found, "not_checked": checker.not_checked}

@@ -25,8 +25,8 @@ from bench import speed_arithmetic, speed_models
 from softnn import prepare, virtual
 from softnn.contracts import Array, InputError
 from softnn.metrics import nrmse
-from softnn.neural import Scaling, samples, train, training
-from softnn.recording import data_hash
+from softnn.neural import Samples, Scaling, samples, train, training
+from softnn.recording import Recording, data_hash
 from softnn.study.common import guarded, markdown, parser, results_folder, write_result
 
 WITHIN = 1e-3  # of the best held-out NRMSE
@@ -230,9 +230,7 @@ def starts(
     return runs
 
 
-def known(
-    material: str, seed: int
-) -> tuple[list[Recording], Samples, NDArray[np.bool_]]:
+def known(material: str, seed: int) -> tuple[list[Recording], Samples, np.ndarray]:
     """Recordings, the samples of them, and which of these are learned from."""
     recordings = [
         prepare.specimen(r, samples=len(r)) for r in virtual.tensile(material, seed)

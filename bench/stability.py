@@ -5,7 +5,7 @@ are diagnosed as they are and changed: a row less in each recording, a NaN, a ro
 stress in other units (smaller numbers, where larger ones are refused), the recordings
 in another order, another seed. Where the truth folder has the noise-free stress
 (`clean/`), half the noise too: no true name may go, no false one come. What is finished
-is kept, so a run that was stopped goes on. Written to studies/results/stability.json.
+is kept, so a run that was stopped goes on. The result is stability.json.
 """
 
 from __future__ import annotations

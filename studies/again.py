@@ -33,9 +33,10 @@ from softnn.contracts import InputError
 from softnn.mismatch.case import read_case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.mismatch.posterior import CONSTANTS
-from softnn.neural import PUBLISHED
+from softnn.neural import PUBLISHED, Seen
 from softnn.neural import Settings as Training
 from softnn.readers.tidy import data_folder
+from softnn.recording import data_hash
 from softnn.study import common, property_sets, strips
 from softnn.study.baselines import TOLERANCES
 from softnn.study.material_data import Data, prepared
@@ -111,10 +112,14 @@ def trainer_of(result: Result, one: Result) -> tuple[Trainer, Data]:
 
 
 def trained(result: Result, rng: Rng) -> Iterator[Row]:
-    """One cross-validated configuration after the other, of all materials in turn."""
-    for one in shuffled(result["materials"], rng):
+    """One cross-validated configuration after the other, of any material."""
+    every = [
+        (one, row)
+        for one in result["materials"]
+        for row in quick(one.get("trials") or one["grid"])
+    ]
+    for one, row in shuffled(every, rng):
         trainer, _ = trainer_of(result, one)
-        row = next(shuffled(quick(one.get("trials") or one["grid"]), rng))
         chosen = {k: row[k] for k in PARAMETERS if k in row}
         if row.get("weight") is not None:
             chosen["regularisation"] = f"l2={row['weight']!r}"
@@ -127,10 +132,10 @@ def trained(result: Result, rng: Rng) -> Iterator[Row]:
 
 
 def searched(result: Result, rng: Rng) -> Iterator[Row]:
-    """One network on the front after the other, of all materials in turn."""
-    for one in shuffled(result["materials"], rng):
+    """One network on the front after the other, of any material."""
+    every = [(one, row) for one in result["materials"] for row in one["front"]]
+    for one, row in shuffled(every, rng):
         trainer, data = trainer_of(result, one)
-        row = next(shuffled(one["front"], rng))
         chosen = {
             k: row.get(k) for k in ("inputs", "neurons", "regularisation", "lag_s")
         }
@@ -311,8 +316,10 @@ def survived(result: Result, rng: Rng) -> Iterator[Row]:
         if mine:  # the virtual one takes too long
             with tempfile.TemporaryDirectory() as place, chdir(place):
                 now, _ = survivor.judged(mine[0], size, result["seed"], False)
-            keys = ("selected", "nrmse", "wrong_sign")
-            yield row["name"], some(row, keys), now
+            was = some(row, ("selected", "nrmse", "wrong_sign"))
+            was["recordings"] = result["data"][row["name"]]
+            hashed = data_hash([*mine[0].known, *mine[0].unseen])
+            yield row["name"], was, now | {"recordings": hashed}
 
 
 # --- properties and the actuator ------------------------------------------------------
@@ -368,35 +375,41 @@ def walked(result: Result, rng: Rng) -> Iterator[Row]:
 
 
 def in_real_time(result: Result, rng: Rng) -> Iterator[Row]:
-    """Every row of one published architecture after the other."""
+    """All rows of a strain rate that is fed, or of lags."""
     (data,) = prepared(Settings(material=NAME, seed=result["seed"]))
     count = result["rows"][0]["networks"]
     neurons = result["headline"]["neurons"]
-    for inputs in shuffled(PUBLISHED, rng):
-        nets = {a: networks(data, a, count, neurons, result["seed"]) for a in [inputs]}
-        seen = realtime.Seen.of(data.tensile)
-        if inputs == "FFRD4":
-            now, _ = realtime.by_rate(nets[inputs], seen)
+    rated, seen = "FFRD4", Seen.of(data.tensile)
+    for names in shuffled([[rated], [n for n in PUBLISHED if n != rated]], rng):
+        nets = {a: networks(data, a, count, neurons, result["seed"]) for a in names}
+        if rated in nets:
+            now, _ = realtime.by_rate(nets[rated], seen)
         else:
             now = realtime.by_lag(nets, data, seen)
-        was = [r for r in result["rows"] if r["inputs"] == inputs]
-        yield inputs, was, now
+        was = [r for r in result["rows"] if r["inputs"] in names]
+        yield ", ".join(names), was, now
 
 
 # --- timings --------------------------------------------------------------------------
 
 
 def costs(result: Result, rng: Rng) -> Iterator[Row]:
-    """The time of one diagnosis after the other."""
-    rows = [r for r in result["timings"] if r["curve"] == "samples"]
-    for row in shuffled(quick(rows), rng):
+    """The time of one diagnosis over that with the fewest samples, one by one."""
+    rows = quick([r for r in result["timings"] if r["curve"] == "samples"])
+    for row in shuffled(rows, rng):
+        mine = [r for r in rows if r["planted"] == row["planted"]]
+        least = min(mine, key=lambda r: r["count"])
+        if row is least:
+            continue
+        one = cost.specimen(row["planted"], result["seed"])
         with tempfile.TemporaryDirectory() as place:
-            folder = Path(place) / "case"
-            one = cost.specimen(row["planted"], result["seed"])
-            one.write(folder, row["count"], result["seed"])
-            now = cost.timed(folder, result["repeats"])
+            now = []
+            for count in (least["count"], row["count"]):
+                one.write(Path(place) / str(count), count, result["seed"])
+                now.append(cost.timed(Path(place) / str(count), 2)["diagnose_s"])
         about = f"{row['planted'] or 'nothing'} planted, {row['count']} samples"
-        yield about, {"diagnose_s": row["diagnose_s"]}, now
+        was = row["diagnose_s"] / least["diagnose_s"]
+        yield about, {"ratio": was}, {"ratio": now[1] / now[0]}
 
 
 def speeds(result: Result, rng: Rng) -> Iterator[Row]:
@@ -404,19 +417,17 @@ def speeds(result: Result, rng: Rng) -> Iterator[Row]:
     rows = result["arithmetic"]
     size = min(r["neurons"] for r in rows)
     now = speed.arithmetic("NR", [size], result["seed"])
-    keys = ("neurons", "bits", "nrmse", "gamma", "peak_gflops", "share_of_peak")
+    keys = ("neurons", "bits", "nrmse", "gamma", "share_of_peak")
     was = [some(r, keys) for r in rows if r["neurons"] == size]
     yield f"{size} neurons", was, [some(r, keys) for r in now]
 
 
 def model_speeds(result: Result, rng: Rng) -> Iterator[Row]:
-    """Simulation of branches, beside its rivals, and a whole fit."""
-    head = result["headline"]
-    for irregular in (False, True):
+    """Simulation of branches: how many times faster than its rivals."""
+    for irregular in shuffled([False, True], rng):
         now = speed_models.simulation(result["samples"], result["seed"], irregular)
-        yield "irregular" if irregular else "constant", some(head, tuple(now)), now
-    now = speed_models.whole_fit(result["material"], result["seed"])
-    yield "fit", some(head, tuple(now)), now
+        ratios = tuple(k for k in now if "times" in k)
+        yield f"irregular {irregular}", some(result["headline"], ratios), now
 
 
 CHECKERS = {

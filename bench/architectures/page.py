@@ -23,6 +23,7 @@ from bench.architectures.choices import (
     worse_by,
 )
 from bench.architectures.report import draw, table
+from bench.checking import moved
 from bench.reporting import between
 from softnn.search.samplers import STARTUP
 from softnn.study import common
@@ -78,6 +79,7 @@ def make(results: Path, folder: Path) -> Path:
         common.save_figure(draw(found["materials"]), name, docs / "figures")
         (docs / "figures" / f"{name}.svg").unlink()  # a point a trial: no smaller
         parts += [f"## {title_of(found)}", run_of(found), found["made_with"]]
+        parts += filter(None, [moved(results, *found["files"])])
         parts.append(f"![both errors of every trial](figures/{name}.png)")
         for one in found["materials"]:
             said = one["sentence"] + worse(one) + lacks.get(one["label"], "")
@@ -90,7 +92,9 @@ def make(results: Path, folder: Path) -> Path:
     readme = folder / "README.md"
     if readme.exists() and files:
         text, made = readme.read_text(encoding="utf-8"), summary(files.values())
-        about = f"{INTRO}\n{made_with(files.values())}"
+        names = [*(file.stem for file in files), "augmentation"]
+        lines = [INTRO, made_with(files.values()), moved(results, *names)]
+        about = "\n".join(filter(None, lines))
         readme.write_text(
             between(MARK, text, f"{about}{helps(results)}\n\n{made}"), encoding="utf-8"
         )
@@ -111,7 +115,7 @@ def read(file: Path) -> Result:
 def sections(files: Mapping[Path, Result]) -> dict[str, Result]:
     """Results by the name of their figure: the virtual materials are one."""
     found: dict[str, Result] = {
-        file.stem: {**one, "made_with": made_with([one])}
+        file.stem: {**one, "made_with": made_with([one]), "files": [file.stem]}
         for file, one in files.items()
         if not is_virtual(one)
     }
@@ -122,6 +126,7 @@ def sections(files: Mapping[Path, Result]) -> dict[str, Result]:
         found["architectures-virtual"] = {
             **virtual[0],
             "made_with": made_with(virtual),
+            "files": [file.stem for file, one in files.items() if is_virtual(one)],
             "materials": [m for one in virtual for m in one["materials"]],
             "left_out": {k: v for one in virtual for k, v in one["left_out"].items()},
             "headline": {"study_s": whole},
@@ -247,6 +252,7 @@ def augmented(results: Path) -> list[str]:
         "(section 8.3 of the thesis; `python -m studies.augmentation`). By more than "
         f"one standard error over folds it helps {head['helped']} and harms "
         f"{head['harmed']} of {head['networks']} networks. {common.made_with(found)}",
+        *filter(None, [moved(results, "augmentation", "lacks")]),
         common.markdown(header, rows),
         *(f"Left out: {label}: {why}" for label, why in found["left_out"].items()),
     ]

@@ -9,7 +9,7 @@ A case keeps its material, programmes and draws over all strengths, so that a cu
 strength is the same specimens with more of the effect. A case is diagnosed once: its
 outcome goes into a database at once, and whatever stops the run, the next one goes on.
 After a change of softnn or of the forge, cases are diagnosed anew. Seeds below 10000
-are for development; from 10000 on, results go to studies/results/limits.json.
+are for development; those from 10000 on may be published (--publish).
 
 The full grid takes a night on a few cores; --quick takes a fraction of an hour.
 """

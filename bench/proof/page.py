@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bench.checking import moved
 from softnn.study.common import made_with
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ class Page:
         # Each trial of several says its own, and a ledger is of many commits.
         if "made" in found and not isinstance(found.get("trials"), Mapping):
             self.say(made_with(found))
+        self.say(moved(self.results, name))
         write(self, found)
 
     def write(self, name: str = "proof.md") -> Path:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.checking import moved
 from softnn.contracts import InputError
 from softnn.study import common
 from softnn.taught import INPUTS
@@ -114,6 +115,7 @@ def write_page(results: Path, docs: Path = DOCS) -> Path:
         "# The network that survives",
         "Made by `python -m studies.survivor` from `studies/results/survivor.json`; no "
         f"number here is typed. {made(body)}",
+        *filter(None, [moved(results, "survivor")]),
         "`FFH7` is one layer of tanh neurons, Bayesian-regularised, over the strain, "
         "the largest strain so far and the strain of the springs of five Maxwell "
         "branches a decade apart: no derivative. Inputs are held within those "
