@@ -103,16 +103,16 @@ def compare(was: Any, now: Any, tolerance: Tolerance, where: str = "") -> Compar
 
 def _compare(was: Any, now: Any, tolerance: Tolerance, at: str, out: Compared) -> None:
     if isinstance(was, Mapping):
-        inside = now if isinstance(now, Mapping) else {}
+        values = now if isinstance(now, Mapping) else {}
         for key, value in was.items():
             if key not in ASIDE:
                 below = f"{at}, {key}" if at else str(key)
-                _compare(value, inside.get(key), tolerance, below, out)
+                _compare(value, values.get(key), tolerance, below, out)
         return
     if isinstance(was, list) and not _words(was):
-        inside = now if isinstance(now, list) and len(now) == len(was) else None
+        alike = isinstance(now, list) and len(now) == len(was)
         for i, value in enumerate(was):
-            other = None if inside is None else inside[i]
+            other = now[i] if alike else None
             _compare(value, other, tolerance, f"{at}[{i}]", out)
         return
     out.figures += 1

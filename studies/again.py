@@ -136,11 +136,11 @@ def searched(result: Result, rng: Rng) -> Iterator[Row]:
     every = [(one, row) for one in result["materials"] for row in one["front"]]
     for one, row in shuffled(every, rng):
         trainer, data = trainer_of(result, one)
-        chosen = {
-            k: row.get(k) for k in ("inputs", "neurons", "regularisation", "lag_s")
-        }
-        both, found = trials.judged(data, trainer.settings, one["unseen"], chosen, [])
-        now = {"random": both[0], "unseen": both[1], "parameters": found["parameters"]}
+        chosen = some(row, ("inputs", "neurons", "regularisation", "lag_s"))
+        settings, unseen = trainer.settings, one["unseen"]
+        errors, found = trials.judged(data, settings, unseen, chosen, [])
+        both = dict(zip(("random", "unseen"), np.atleast_1d(errors), strict=True))
+        now = both | {"parameters": found["parameters"]}
         yield f"{one['label']}, {chosen}", some(row, tuple(now)), now
 
 
@@ -239,11 +239,11 @@ def hands(result: Result, rng: Rng) -> Iterator[Row]:
 
 def limits(result: Result, rng: Rng) -> Iterator[Row]:
     """One case after the other of cells in which all were named, or none was."""
-    grid = limits_trial.Grid(
-        **{k: tuple(v) if isinstance(v, list) else v
-           for k, v in result["record"]["grid"].items()}
-    )  # fmt: skip
-    for order in shuffled(grid.orders(), rng):
+    given: dict[str, Any] = {
+        k: tuple(v) if isinstance(v, list) else v
+        for k, v in result["record"]["grid"].items()
+    }
+    for order in shuffled(limits_trial.Grid(**given).orders(), rng):
         if not order.effects:
             continue
         effect = order.effects[0]
