@@ -20,10 +20,10 @@ export OPENBLAS_CORETYPE ?= Haswell
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install neurons test test-all check docs ui clean
+.PHONY: help install neurons results check-results test test-all check docs ui clean
 
 help:
-	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
 
 $(STAMP): pyproject.toml constraints.txt
 	rm -rf $(VENV)
@@ -36,6 +36,15 @@ install: $(STAMP) ## set up .venv (done by the others when needed)
 
 neurons: $(STAMP) ## the main job: neurons 1-20 by 10-fold cross-validation, into MLflow
 	$(BIN)/python -m studies.neurons $(ARGS)
+
+# Studies of minutes; those of hours are named in the help. Each replaces its own files.
+STUDIES ?= gait tendon virtual_specimens properties segments branches accuracy rates \
+    inputs neurons regularisation actuator realtime
+results: $(STAMP) ## publish into studies/results: studies of minutes, or STUDIES="limits concealed ..." of hours
+	set -e; for study in $(STUDIES); do $(BIN)/python -m studies.$$study --publish $(ARGS); done
+
+check-results: $(STAMP) ## recompute some published figures, 10 minutes: ARGS="--minutes 10 --only NAME"
+	$(BIN)/python -m studies.check_results --publish $(ARGS)
 
 test: $(STAMP) ## fast tests, about five minutes
 	$(BIN)/python -m pytest -m 'not slow' -n auto --dist worksteal

@@ -6,7 +6,7 @@ the truth best; the constants of `softnn.mismatch.posterior` are those under whi
 are likeliest where they are true, and unlikeliest where they are not. They are pulled
 towards those before, which other lessons taught; how much, cross-validation over cases
 says, and where it says that these lessons teach nothing that holds beyond them, those
-before stay. Written to studies/results/calibration.json, from where they are copied
+before stay. Written to calibration.json, from where they are copied
 into the code by hand.
 
 A probability holds for a mixture of cases. How many of each kind (`bench.scoring`) were
@@ -38,11 +38,11 @@ from softnn.mismatch.accounts import Search, search, value
 from softnn.mismatch.base import start
 from softnn.mismatch.case import read_case
 from softnn.mismatch.posterior import CONSTANTS, Constants, probabilities, table
-from softnn.study.code import files_of
 from softnn.study.common import (
     RUNS,
     code_of,
     guarded,
+    package_files,
     parser,
     results_folder,
     write_result,
@@ -54,7 +54,7 @@ PULLS = (0.003, 0.03, 0.3)  # towards the constants before, in logarithms
 FAR = 3.0  # of a logarithm, that no constant goes
 FOLDS = 5
 STEPS = (1e-4, 1e-3, 1e-4)  # of derivatives: slopes break where a tail begins
-START = "softnn.mismatch"  # where a search begins
+JUDGING = ("posterior.py", "verdict.py")  # after a search: they change no lesson
 
 
 def lesson(case: Path, truth: Path) -> list[dict[str, Any]]:
@@ -99,8 +99,7 @@ def suiting(found: Search, true: frozenset[str]) -> frozenset[str]:
 
 def searching() -> tuple[Path, ...]:
     """The files that a search runs: no constant of the posterior changes a lesson."""
-    found = {f for m in ("accounts", "base") for f in files_of(f"{START}.{m}", False)}
-    return tuple(sorted(found))
+    return tuple(f for f in package_files() if f.name not in JUDGING)
 
 
 def kept(folder: Path) -> Path:
@@ -113,7 +112,7 @@ def kept(folder: Path) -> Path:
 def lessons(folder: Path, jobs: int, fresh: bool) -> list[dict[str, Any]]:
     """The lessons of a folder; those that this code has learned before are kept."""
     with (
-        Store(kept(folder), code_of(searching(), words=False), fresh) as store,
+        Store(kept(folder), code_of(searching()), fresh) as store,
         workers(jobs) as pool,
     ):
         known = store.rows()
@@ -264,7 +263,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             result["headline"],
             {"constants": result["constants"]},
             seed=a.seed,
-            folder=results_folder(a.smoke),
+            folder=results_folder(a.smoke, a.publish),
         )
 
     return guarded(go)

@@ -309,7 +309,7 @@ def make_parser() -> argparse.ArgumentParser:
     p.add_argument("--pools", nargs="+", type=int, default=POOLS, metavar="N")
     p.add_argument("--effects", nargs="+", default=PLANTED, metavar="EFFECT")
     p.add_argument("--repeats", type=int, default=2, help="the least counts (2)")
-    p.add_argument("--out", type=Path, help="folder (studies/results)")
+    p.add_argument("--out", type=Path, help="folder (mlruns/results)")
     p.add_argument("--fresh", action="store_true", help="forget finished timings")
     p.set_defaults(usual=USUAL)
     return p
@@ -347,7 +347,7 @@ def run(a: argparse.Namespace) -> None:
         "report_samples": base.REPORT,
         "cores": os.cpu_count(),
     }
-    folder = a.out or results_folder(a.smoke)
+    folder = a.out or results_folder(a.smoke, a.publish)
     body = {"curves": curves, "timings": rows, "repeats": a.repeats}
     written = write_result("cost", headline, body, seed=a.seed, folder=folder)
     save_figure(cost_figure(curves), "cost", folder)

@@ -18,7 +18,17 @@ from softnn import json_file
 from softnn.study.common import markdown
 
 Row = dict[str, Any]
-HEADS = ("opened", "generator", "side", "seed", "what", "cases", "right", "code", "new")
+HEADS = (
+    "opened",
+    "generator",
+    "side",
+    "seed",
+    "what",
+    "cases",
+    "right",
+    "commit",
+    "new",
+)
 
 
 def read(folder: Path) -> list[Row]:
@@ -26,18 +36,23 @@ def read(folder: Path) -> list[Row]:
     return json.loads(file.read_text("utf-8"))["openings"] if file.exists() else []
 
 
-def enter(row: Mapping[str, Any], folder: Path) -> Row:
+def enter(row: Mapping[str, Any], folder: Path, beside: Sequence[Path] = ()) -> Row:
     """Enter an opening, or what came of it once it is scored; the row as it stands.
 
     A row with the same `trial` is the same opening. `opened_before` tells which others
-    had the same seed of the same generator and side, or a truth in common.
+    had the same seed of the same generator and side, or a truth in common: in the
+    ledger of this folder, or of those `beside`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with FileLock(folder / ".ledger.lock"):
         rows = read(folder)
         others = [r for r in rows if r["trial"] != row["trial"]]
         mine = next((r for r in rows if r not in others), None)
-        before = [f"{r['opened']}, {r['what']}" for r in others if shared(row, r)]
+        aside = [r for place in beside if place != folder for r in read(place)]
+        known = {r["trial"]: r for r in [*aside, *others] if r["trial"] != row["trial"]}
+        before = [
+            f"{r['opened']}, {r['what']}" for r in known.values() if shared(row, r)
+        ]
         whole = {**row, "opened_before": mine["opened_before"] if mine else before}
         whole["opened"] = mine["opened"] if mine else row["opened"]
         kept = [whole if r is mine else r for r in rows] + [whole] * (mine is None)
@@ -92,7 +107,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
                 r["what"],
                 sum(r["counts"].values()) or None,
                 ", ".join(f"{k} {v}" for k, v in r["right"].items()) or None,
-                ", ".join(r["code"]) or None,
+                r.get("commit"),
                 "opened before" if r["opened_before"] else "new",
             ]
             for r in sorted(reversed(rows), key=lambda r: r["opened"], reverse=True)

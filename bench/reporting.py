@@ -71,22 +71,17 @@ def publish(
 ) -> Path:
     """Write a trial into NAME.json, beside those of other labels; the path.
 
-    It goes to the project's results if it is to be published, else into `folder`. Of
-    the others those that other code made say when.
+    It goes to the project's results if it is to be published, else into `folder`. Each
+    trial's record states the commit that diagnosed its cases, and the date.
     """
     label = str(record["label"])
     trials: dict[str, Any] = {}
-    where = common.results_folder() if record["published"] else folder
+    published = bool(record["published"])
+    where = common.results_folder(publish=True) if published else folder
     earlier = where / f"{name}.json"
-    if record["published"] and earlier.exists():
+    if published and earlier.exists():
         old = json.loads(earlier.read_text(encoding="utf-8"))
-        code = common.made_by(common.running_study()).get("made_by_code")
-        same = old.get("made_by_code") == code
-        for k, v in old["trials"].items():
-            # What diagnoses is run as a command: its code is in the record.
-            mine = same and v["record"].get("code") == record.get("code")
-            if k != label:
-                trials[k] = v if mine else {"older": old["made"]} | v
+        trials = {k: v for k, v in old["trials"].items() if k != label}
         kept = {k: v for k, v in old["headline"].items() if k.split("/")[0] in trials}
         headline = kept | dict(headline)
     trials[label] = trial

@@ -85,13 +85,13 @@ def written(
         for name in ("kills", "lost", "twice"):
             headline[name] = sum(k[name] for k in killed.values())
     body = {"throughput": rows, "kills": killed, "trials": a.trials}
-    path = common.write_result(
-        "scaling", headline, body, seed=a.seed, folder=common.results_folder(a.smoke)
-    )
-    text = report(rows, killed)
+    folder = common.results_folder(a.smoke, a.publish)
+    path = common.write_result("scaling", headline, body, seed=a.seed, folder=folder)
+    found = json.loads(path.read_text(encoding="utf-8"))
+    text = f"{report(rows, killed)}\n\n{common.made_with(found)}"
     print(f"{text}\n\nresult: {path}")
     page = ROOT / "docs" / "scaling.md"
-    if not a.smoke:
+    if a.publish and not a.smoke:
         new = between(MARK, page.read_text(encoding="utf-8"), text)
         page.write_text(new, encoding="utf-8")
 

@@ -25,8 +25,8 @@ from bench import speed_arithmetic, speed_models
 from softnn import prepare, virtual
 from softnn.contracts import Array, InputError
 from softnn.metrics import nrmse
-from softnn.neural import Scaling, samples, train, training
-from softnn.recording import data_hash
+from softnn.neural import Samples, Scaling, samples, train, training
+from softnn.recording import Recording, data_hash
 from softnn.study.common import guarded, markdown, parser, results_folder, write_result
 
 WITHIN = 1e-3  # of the best held-out NRMSE
@@ -230,6 +230,26 @@ def starts(
     return runs
 
 
+def known(material: str, seed: int) -> tuple[list[Recording], Samples, np.ndarray]:
+    """Recordings, the samples of them, and which of these are learned from."""
+    recordings = [
+        prepare.specimen(r, samples=len(r)) for r in virtual.tensile(material, seed)
+    ]
+    data = samples(recordings)
+    held_in = np.random.default_rng(seed).random(len(data.target)) < 0.9
+    return recordings, data, held_in
+
+
+def arithmetic(
+    material: str, neurons: Sequence[int], seed: int
+) -> list[dict[str, Any]]:
+    """What training uses of a core, for each network: see `speed_arithmetic`."""
+    _, data, held_in = known(material, seed)
+    return speed_arithmetic.measure(
+        data.inputs, data.target, held_in, list(neurons), seed
+    )
+
+
 def networks(
     material: str, neurons: Sequence[int], budget: float, seed: int
 ) -> dict[str, Any]:
@@ -237,11 +257,7 @@ def networks(
 
     Every method has the same seconds in all, for as many starts as fit in them.
     """
-    recordings = [
-        prepare.specimen(r, samples=len(r)) for r in virtual.tensile(material, seed)
-    ]
-    data = samples(recordings)
-    held_in = np.random.default_rng(seed).random(len(data.target)) < 0.9
+    recordings, data, held_in = known(material, seed)
     rows, ratios = [], []
     for size in neurons:
         task = Task(data.inputs, data.target, held_in, size)
@@ -269,12 +285,9 @@ def networks(
             ratios.append(row["ratio"])
         rows.append(row)
     complete = len(ratios) == len(rows)
-    digits = speed_arithmetic.measure(
-        data.inputs, data.target, held_in, list(neurons), seed
-    )
     return {
         "rows": rows,
-        "arithmetic": digits,
+        "arithmetic": arithmetic(material, neurons, seed),
         "training_samples": int(held_in.sum()),
         "geometric_mean_ratio": float(np.exp(np.mean(np.log(ratios))))
         if complete
@@ -389,7 +402,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             {"networks": found["rows"], "arithmetic": found["arithmetic"]},
             seed=given.seed,
             data={"networks": found["data"]},
-            folder=results_folder(smoke),
+            folder=results_folder(smoke, given.publish),
         )
 
     return guarded(work)

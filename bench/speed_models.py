@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             found,
             {"branches": BRANCHES, "samples": samples, "material": material},
             seed=arguments.seed,
-            folder=results_folder(arguments.smoke),
+            folder=results_folder(arguments.smoke, arguments.publish),
         )
         print(f"result: {path}")
 

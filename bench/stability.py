@@ -5,7 +5,7 @@ are diagnosed as they are and changed: a row less in each recording, a NaN, a ro
 stress in other units (smaller numbers, where larger ones are refused), the recordings
 in another order, another seed. Where the truth folder has the noise-free stress
 (`clean/`), half the noise too: no true name may go, no false one come. What is finished
-is kept, so a run that was stopped goes on. Written to studies/results/stability.json.
+is kept, so a run that was stopped goes on. The result is stability.json.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from softnn.study.common import (
 )
 from softnn.workers import workers
 
-HALF, SEED = "half the noise", "another seed"
+HALF, SEED, AS_IT_IS = "half the noise", "another seed", "as it is"
 Change = Callable[[Case, np.random.Generator], Case]
 
 
@@ -104,18 +104,29 @@ def quieter(case: Case, clean: Path) -> Case:
     return replace(case, recordings=tuple(map(half, case.recordings)))
 
 
+def ways_of(case: Case) -> dict[str, Case]:
+    """A case as it is, and hardly changed in every way."""
+    rng = np.random.default_rng(0)
+    ways = {AS_IT_IS: case}
+    for name, change in CHANGES.items():
+        if name != "other order" or case.history == "fresh":
+            ways[name] = change(case, rng)
+    return ways
+
+
+def seed_of(way: str) -> int:
+    """The seed of the diagnosis of a changed case."""
+    return int(way == SEED)
+
+
 def trial(
     of: str, case: Case, true: Sequence[str] | None, clean: Path | None
 ) -> dict[str, Any]:
     """Names of a case as it is and changed; `true` where its truth is known."""
-    rng = np.random.default_rng(0)
-    ways: dict[str, Case] = {"as it is": case}
-    for name, change in CHANGES.items():
-        if name != "other order" or case.history == "fresh":
-            ways[name] = change(case, rng)
+    ways = ways_of(case)
     if clean is not None and clean.is_dir():
         ways[HALF] = quieter(case, clean)
-    told = {n: diagnose(one, seed=int(n == SEED)) for n, one in ways.items()}
+    told = {n: diagnose(one, seed=seed_of(n)) for n, one in ways.items()}
     return {
         "of": of,
         "case": case.name,
@@ -210,5 +221,5 @@ def run(a: Any) -> None:
         {"rates": result, "rows": sorted(rows, key=lambda r: (r["of"], r["case"]))},
         seed=a.seed,
         data={f"{r['of']}/{r['case']}": r["data"] for r in rows},
-        folder=results_folder(a.smoke),
+        folder=results_folder(a.smoke, a.publish),
     )

@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             "radius_mm": chain.bundle.radius_mm,
         } | checks
         print(report(rows, checks, steps, fast))
-        place = common.results_folder(options.smoke)
+        place = common.results_folder(options.smoke, options.publish)
         if options.model:
             place = common.RUNS / ("smoke/results" if options.smoke else "results")
         path = common.write_result(

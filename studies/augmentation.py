@@ -71,7 +71,7 @@ def run(a: Any) -> None:
                 {"networks": rows, "left_out": left_out, "neurons": NEURONS},
                 seed=a.seed,
                 data=known,
-                folder=common.results_folder(a.smoke),
+                folder=common.results_folder(a.smoke, a.publish),
             )
     if not rows:
         raise InputError(f"nothing can be judged: {left_out}")

@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             body["strip"] = strip(widest, options.length, options.radius)
             headline |= body["strip"]
         print(report(query, body))
-        place = common.results_folder(options.smoke)
+        place = common.results_folder(options.smoke, options.publish)
         if own:
             place = common.RUNS / ("smoke/results" if options.smoke else "results")
         name = "gait-own" if own else "gait"

@@ -24,7 +24,15 @@ from softnn.crossval import Folds
 from softnn.mismatch.case import Case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.neural import Seen, StoredNetwork
-from softnn.study.common import RESULTS, guarded, parser, results_folder, write_result
+from softnn.study.common import (
+    RESULTS,
+    guarded,
+    parser,
+    provenance,
+    provenance_of,
+    results_folder,
+    write_result,
+)
 from softnn.study.material_data import prepared
 from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
@@ -41,12 +49,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(a: Any) -> None:
-    place = results_folder(a.smoke)
+    place = results_folder(a.smoke, a.publish)
     kept = place / "lacks.json"
     found: dict[str, Any] = {}
     worse = smallest() if a.smoke else wanted()
     if kept.exists():
-        found = json.loads(kept.read_text(encoding="utf-8"))["materials"]
+        old = json.loads(kept.read_text(encoding="utf-8"))
+        about = provenance_of(old)
+        found = {k: about | row for k, row in old["materials"].items()}
     # Of others, or of networks that are chosen no more, nothing is carried on.
     now = {one["label"]: one["choices"]["unseen"]["words"] for one, _ in worse}
     found = {k: row for k, row in found.items() if row["network"] == now.get(k)}
@@ -121,6 +131,7 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
         "verdict": told.verdict,
         "selected": list(told.selected),
         "summary": told.summary,
+        **provenance(),
     }
 
 

@@ -1,13 +1,21 @@
-"""Pictures of the README, from `studies/results`: `python -m studies.pictures`."""
+"""Pictures of the README, from `studies/results`: `python -m studies.pictures`.
+
+Below the picture README says which commits made the results.
+"""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
-from softnn.study.common import COLOURS, FAINT, RESULTS, new_figure
+from bench.checking import moved
+from bench.reporting import between
+from softnn.study.common import COLOURS, FAINT, RESULTS, made_with, new_figure
 
-FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
+ROOT = Path(__file__).resolve().parents[1]
+FIGURES = ROOT / "docs" / "figures"
+MARK = "<!-- made by python -m studies.pictures -->"
 PANELS = {
     "neurons": "virtual specimens of\nnatural rubber with polyester",
     "neurons-vhb4910-zhao": "recordings of\nVHB 4910 acrylic tape",
@@ -48,7 +56,7 @@ def judged() -> None:
 
 def errors(panel: str, model: str) -> dict[int, float]:
     """Error of a model by the row it is drawn on."""
-    (one,) = json.loads((RESULTS / f"{panel}.json").read_text())["materials"]
+    (one,) = result(panel)["materials"]
     return {
         JUDGED.index(row["judged_on"]): row["nrmse"]
         for row in one["comparison"]
@@ -56,5 +64,19 @@ def errors(panel: str, model: str) -> dict[int, float]:
     }
 
 
+def result(name: str) -> dict[str, Any]:
+    """What studies/results/NAME.json holds."""
+    return dict(json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8")))
+
+
+def about() -> str:
+    """Which commits made the results of the picture, and which figures moved since."""
+    lines = [f"`{name}.json`: {made_with(result(name))}" for name in PANELS]
+    return "\n".join(filter(None, [*lines, moved(RESULTS, *PANELS)]))
+
+
 if __name__ == "__main__":
     judged()
+    readme = ROOT / "README.md"
+    text = between(MARK, readme.read_text(encoding="utf-8"), about())
+    readme.write_text(text, encoding="utf-8")

@@ -43,7 +43,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     def work() -> None:
         smoke, whole = options.smoke, options.data is None
         home = common.runs_folder(smoke)
-        place = common.results_folder(smoke) if whole else home / "results"
+        place = (
+            common.results_folder(smoke, options.publish) if whole else home / "results"
+        )
         found: dict[str, Any] = {}
         figures: list[Path] = []
         if whole or options.data == "virtual":

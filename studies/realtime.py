@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise InputError(f"--networks is {options.networks}; at least 1 is needed")
         number = 2 if options.smoke else options.networks
         (data,) = prepared(Settings(material=NAME, seed=options.seed))
-        place = common.results_folder(options.smoke)
+        place = common.results_folder(options.smoke, options.publish)
         neurons = table("6.6").row(material=NAME, model="ANN")["neurons"]
         nets = {a: networks(data, a, number, neurons, options.seed) for a in PUBLISHED}
         seen = Seen.of(data.tensile)

@@ -40,9 +40,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
 
     def work() -> None:
-        place = common.results_folder(options.smoke)
+        place = common.results_folder(options.smoke, options.publish)
         if options.page:
-            print(write_page(place))
+            print(write_page(common.RESULTS))
             return
         size = networks.SMALL if options.smoke else networks.Size()
         problems = [data.virtual_problem(options.seed, size.specimens, size.samples)]
@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(report(body))
         if "sines" in body:
             common.save_figure(draw(body), "survivor", place)
-        if not options.smoke:
+        if options.publish and not options.smoke:
             write_page(place)
         print(f"\nresult: {path}")
 
@@ -78,14 +78,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def kept(place: Path, size: networks.Size, seed: int) -> tuple[Row, dict[str, str]]:
-    """What an earlier run of the same code has found, and in which data."""
-    code = common.fingerprint([vars(size), seed], files=common.package_files())
-    body: Row = {"problems": [], "size": vars(size), "code": code}
+    """What an earlier run of the same size has found, and in which data.
+
+    Each row states the commit that made it.
+    """
+    body: Row = {"problems": [], "size": vars(size)}
     file = place / "survivor.json"
     if file.exists():
         old = json.loads(file.read_text(encoding="utf-8"))
-        if old.get("code") == code:
+        if (old["size"], old["seed"]) == (vars(size), seed):
             found = {k: old[k] for k in (*body, "sines", "real_time") if k in old}
+            about = common.provenance_of(old)
+            found["problems"] = [about | row for row in old["problems"]]
             return found, old["data"]
     return body, {}
 
@@ -118,6 +122,7 @@ def judged(
         }
     row = {
         "name": problem.name,
+        **common.provenance(),
         "specimens": len(problem.known),
         "unseen": len(problem.unseen),
         "selected": models["selected"],

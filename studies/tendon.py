@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             headline |= body["agreement"]
         headline |= chosen(rows, tendon)
         print(report(body))
-        place = common.results_folder(options.smoke)
+        place = common.results_folder(options.smoke, options.publish)
         name = "tendon" if options.data is None else "tendon-own"
         if options.data is not None:
             place = common.RUNS / ("smoke/results" if options.smoke else "results")

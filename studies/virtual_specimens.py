@@ -36,7 +36,7 @@ def main(argv: list[str] | None = None) -> int:
     def work() -> None:
         names = ("NatPolR",) if options.smoke else MATERIALS
         result = run(names, options.seed)
-        folder = common.results_folder(options.smoke)
+        folder = common.results_folder(options.smoke, options.publish)
         path = common.write_result(
             "virtual_specimens",
             result["headline"],

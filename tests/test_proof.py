@@ -24,6 +24,10 @@ def write(folder: Path, name: str, content: dict) -> None:
     (folder / f"{name}.json").write_text(json.dumps(plain(content)))
 
 
+MADE = {"made": "2026-11-23", "softnn": "0.1.0", "commit": "0123abc"}
+SAID = "Made with softnn 0.1.0 at commit 0123abc, 2026-11-23."
+
+
 def trial(strength: float, right: int) -> dict:
     one, none = Rate(right, 40).entry(), Rate(0, 0).entry()
     hidden = {"accepted": Rate(31, 40).entry(), "named": Rate(29, 31).entry()}
@@ -33,6 +37,7 @@ def trial(strength: float, right: int) -> dict:
             "seed": 10007,
             "cases": 61,
             "key_sha256": "abcdef0123456789" * 4,
+            **MADE,
         },
         "all": {
             "naming": {"single": one, "null": Rate(20, 21).entry()},
@@ -105,7 +110,7 @@ def cost_found() -> dict:
 def rivals_found() -> dict:
     row = {"right": Rate(3, 4).entry(), "alarms": None, "heldout_nrmse": 0.0123}
     trial = {
-        "record": {"strength": 1},
+        "record": {"strength": 1, **MADE},
         "table": {
             "softnn": row,
             "bic": {
@@ -158,7 +163,7 @@ def recordings_found() -> dict:
         "found": Rate(9, 10).entry(),
         "with_a_false_name": Rate(0, 10).entry(),
         "new_without_a_fault": Rate(1, 4).entry(),
-        "code": ["0123abcd"],
+        **MADE,
         "close": 0.05,
         "found_where_close": Rate(8, 8).entry(),
         "copies": [copy_of("film", "lag", True), copy_of("tape", "slip", True)],
@@ -217,7 +222,9 @@ def test_the_page_quotes_the_results(tmp_path):
     ]
     assert "| slack | 90 % (60 to 98) | 10 |" in cells
     assert "| a new name, nothing made | 25 % (5 to 70) | 4 |" in cells
-    assert "(hash of softnn's code 0123abcd):" in text
+    assert f"to be found on top of what is there. {SAID}" in text
+    assert "Strength 0.3, seed 10007: 61 cases" in text
+    assert text.count(SAID) == 4  # two trials, the rivals, the made faults
     assert "within 5 % of their range, 100 % (68 to 100) of 8 were found" in text
     lost = [c for c in cells if c.startswith(("| film a", "| tape a"))]
     assert lost == [  # what is least explained first
@@ -243,12 +250,17 @@ def test_the_page_of_other_hands_quotes_the_results(tmp_path):
     truths += [Truth("n", "null"), Truth("f", "single", ("slack",), 9)]
     scores = scoring.summary([scoring.row(t, told) for t in truths])
     record = {"generator": "hands", "label": "held-out", "seed": 7, "cases": 5}
-    record |= {"key_sha256": "abcdef0123456789" * 4, "code": ["0123abcd"]}
+    record |= {"key_sha256": "abcdef0123456789" * 4, **MADE}
     record["opened_before"] = ["2026-01-01, held-out"]
     bars = reporting.bars(scores, record)
     one = {"record": record, "bars": bars, **scores}
     write(results, "hands", {"trials": {"held-out": one}})
-    opening = {"trial": "x", "opened": "2026-01-02", "what": "held-out", "code": []}
+    opening = {
+        "trial": "x",
+        "opened": "2026-01-02",
+        "what": "held-out",
+        "commit": "0123abc",
+    }
     opening |= {"generator": "hands", "side": "held-out", "seed": 7}
     opening |= {"counts": {"single": 4, "null": 1}, "right": {"single": "4 of 4"}}
     ledger.enter(opening, results)
@@ -260,6 +272,7 @@ def test_the_page_of_other_hands_quotes_the_results(tmp_path):
     make.make(results, docs)
     text = re.sub(r" +", " ", (docs / "proof-hands.md").read_text())
     assert "5 cases, seed 7 (1 null, 4 single)" in text
+    assert SAID in text
     assert "**Opened before** (2026-01-01, held-out)" in text
     # Three that can be seen, one that cannot; the null got a name.
     alone = "| one effect: it and nothing else | 3 of 3 (44 to 100 %) | 0.92 | yes |"
@@ -269,9 +282,11 @@ def test_the_page_of_other_hands_quotes_the_results(tmp_path):
     assert "| pink | single | 3 of 3 (44 to 100 %) |" in text
     assert "| 0.9 | 0.95 | 4 of 5 (38 to 96 %) |" in text
     assert (
-        "| 2026-01-02 | hands | held-out | 7 | held-out | 5 | single 4 of 4 |" in text
+        "| 2026-01-02 | hands | held-out | 7 | held-out | 5 | single 4 of 4 | 0123abc |"
+        in text
     )
-    fresh = "| 7 | | 4 of 4 |\n| 8 | | 2 of 6 |\n| together | | 60 % (31 to 83) |"
+    fresh = "| 7 | 0123abc | 4 of 4 |\n| 8 | 0123abc | 2 of 6 |\n"
+    fresh += "| together | | 60 % (31 to 83) |"
     assert fresh in text
     for name in ("naming", "reliability"):
         assert (docs / f"figures/proof-hands-{name}.png").stat().st_size > 3000
@@ -312,7 +327,7 @@ def share_in(text: str) -> list[str]:
 def test_bases_stand_in_one_order_whichever_ran_last():
     one = {"groups_in_agreement": 1, "groups_judged": 2, "bars_met": 0, "bars": 0}
     one |= {f"unseen_nrmse_{k}_median": None for k in ("before", "after")}
-    one |= {"code": ["0123abcd"]}
+    one |= {"commit": "0123abc"}
     said = others.bases({name: one for name in ("sls", "pl-wiechert", "hooke")})
     assert re.findall(r"^\| ([a-z-]+) +\|", said, re.M)[1:] == [
         "hooke",
@@ -329,49 +344,55 @@ def test_lists_of_equivalents_are_told_where_something_is_named():
     assert limits.lists_sentence({"with_a_list": none, "mean_length": None}) == ""
 
 
-@pytest.mark.parametrize("code", ["", "0123456789ab"])
-def test_a_result_of_older_code_is_said_to_be_so(tmp_path, code):
-    mine = common.made_by("studies.cost")
-    told = {"made": "2026-01-02"} | mine | ({"made_by_code": code} if code else {})
+def test_a_section_says_which_commit_made_its_result(tmp_path):
+    told = {"made": "2026-01-02", "commit": "fedc987", "versions": {"softnn": "0.2"}}
     write(tmp_path / "results", "cost", told)
     made = page.Page(tmp_path / "results", tmp_path)
     made.section("What it costs", "cost", lambda page, result: None)
-    assert ("2026-01-02" in made.parts[-1]) == bool(code)
+    said = "Made with softnn 0.2 at commit fedc987, 2026-01-02."
+    assert made.parts[-1] == said
+    # Without a checkout there is no commit, and the page does not fail.
+    write(tmp_path / "results", "cost", {"made": "2026-01-02"})
+    made.section("What it costs", "cost", lambda page, result: None)
+    assert "at commit unknown, 2026-01-02" in made.parts[-1]
 
 
-@pytest.mark.parametrize("ran", [[], ["0123456789ab"], None])
-def test_trials_that_other_code_diagnosed_are_of_older_code(ran):
-    mine = common.made_by("studies.cost")
-    today = [common.code_of(common.package_files())]
-    trials = {"a": {"record": {"code": ran}}, "b": {"record": {}}}
-    assert page.older(mine | {"trials": trials}) == bool(ran)
-    trials["b"]["record"]["code"] = today  # one of today is enough
-    assert not page.older(mine | {"trials": trials})
-
-
-@pytest.mark.parametrize(
-    ("code", "ran"),
-    [("of today", "a"), ("of yesterday", "a"), ("of today", "b")],
-)
-def test_a_trial_beside_one_of_other_code_says_so(tmp_path, monkeypatch, code, ran):
-    monkeypatch.setattr(common, "results_folder", lambda: tmp_path)
-    monkeypatch.setattr(common, "running_study", lambda: "studies.concealed")
-    kept, now = trial(0.3, 34), trial(1.0, 37)
-    kept["record"]["code"] = [ran]
-    made = {"made_by": "studies.concealed", "made_by_code": code, "made": "2026-11-23"}
-    head = {"weak/single": 0.9}
-    write(tmp_path, "concealed", {"headline": head, "trials": {"weak": kept}, **made})
-    monkeypatch.setattr(
-        common, "made_by", lambda _: made | {"made_by_code": "of today"}
-    )
+def test_each_trial_of_a_file_says_its_own_commit(tmp_path, monkeypatch):
+    monkeypatch.setattr(common, "RESULTS", tmp_path)
+    head = {"weak/single": 0.9, "strong/single": 0.1}
+    before = {"weak": trial(0.3, 34), "strong": trial(1.0, 3)}
+    write(tmp_path, "concealed", {"headline": head, "trials": before})
+    now = trial(1.0, 37)
+    now["record"] |= {"commit": "fedc987", "made": "2026-11-28"}
     record = {"label": "strong", "published": True, "seed": 10007, "key_sha256": "ab"}
-    record["code"] = ["a"]
-    publish("concealed", record, {"strong/single": 0.95}, now, tmp_path)
+    publish("concealed", record, {"strong/single": 0.95}, now, tmp_path / "elsewhere")
+    written = json.loads((tmp_path / "concealed.json").read_text())
+    assert written["headline"] == {"weak/single": 0.9, "strong/single": 0.95}
     make.make(tmp_path, tmp_path / "docs")
     text = (tmp_path / "docs" / "proof.md").read_text()
     weak, strong = (
         next(line for line in text.splitlines() if line.startswith(f"Strength {s},"))
         for s in ("0.3", "1")
     )
-    assert ("made 2026-11-23" in weak) == ((code, ran) != ("of today", "a"))
-    assert "Of older code" not in strong
+    assert SAID in weak
+    assert "at commit fedc987, 2026-11-28." in strong
+
+
+def test_what_is_not_published_leaves_the_results_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(common, "RESULTS", tmp_path / "project")
+    record = {"label": "a", "published": False, "seed": 1, "key_sha256": "ab"}
+    publish("concealed", record, {}, trial(1.0, 3), tmp_path / "run")
+    assert (tmp_path / "run" / "concealed.json").exists()
+    assert not (tmp_path / "project").exists()
+
+
+def test_an_opening_of_a_run_that_is_not_published_counts(tmp_path):
+    opening = {"opened": "2026-01-02", "what": "held-out", "right": {}, "counts": {}}
+    opening |= {"generator": "hands", "side": "held-out", "seed": 7}
+    mine, project = tmp_path / "mlruns", tmp_path / "project"
+    assert not ledger.enter(opening | {"trial": "x"}, mine, [project])["opened_before"]
+    # The same opening, published later, is no second one; another trial is.
+    both = [mine, project]
+    assert not ledger.enter(opening | {"trial": "x"}, project, both)["opened_before"]
+    again = ledger.enter(opening | {"trial": "y"}, project, both)["opened_before"]
+    assert again == ["2026-01-02, held-out"]

@@ -6,14 +6,14 @@ faulty strain, must give the faulty stress.
 
 import json
 import os
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from recordings_made import SPRING, STIFFNESS, triangle
 
-from bench.recordings import groups, predict, reporting, rows, sets, trial
-from bench.recordings.rows import Row, agreement, met
+from bench.recordings import groups, predict, reporting, sets, trial
+from bench.recordings.rows import Row, agreement, made_of, met
 from softnn import Recording
 from softnn.database import Store
 from softnn.effects import effect
@@ -21,7 +21,6 @@ from softnn.fit import Guess
 from softnn.mismatch.case import Case
 from softnn.model_file import to_dict
 from softnn.readers.tidy import data_folder
-from softnn.study.common import made_by
 
 # --- groups and splits ----------------------------------------------------------------
 
@@ -187,27 +186,37 @@ def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     assert "5 diagnoses, 0 of them at hand" in capsys.readouterr().out
 
 
-def test_other_bases_and_faults_stay_with_the_code_they_ran_on(tmp_path):
+def test_other_bases_and_faults_stay_with_the_commit_that_made_them(tmp_path):
     here = groups.Group("soft", "a", (triangle(),), False, sets.Material(), ())
+    old = {"made": "2026-11-20", "softnn": "0.1.0", "commit": "0123abc"}
     rows = [
-        Row("soft", "a", "all", base, heldout=[0.2, 0.1], code=code)
-        for base, code in (("hooke", "old"), ("pl-wiechert", "old"))
+        Row("soft", "a", "all", "hooke", heldout=[0.2, 0.1], **old),
+        Row("soft", "a", "all", "pl-wiechert", heldout=[0.2, 0.1], **old),
+        Row("soft", "gone", "all", "hooke"),
     ]
-    rows.append(Row("soft", "gone", "all", "hooke"))
     file = tmp_path / "recordings.json"
     told = [{**asdict(r), "agrees": None, "missed": []} for r in rows]
-    faults_ = {"found": {"rate": 0.5, "of": 2}}
-    file.write_text(json.dumps({"rows": told, "faults": faults_}), encoding="utf-8")
+    faults = {"found": {"rate": 0.5, "of": 2}}
+    whole = {"made": "2026-11-21", "versions": {"softnn": "0.1.0"}, "commit": "1234abc"}
+    content = {**whole, "rows": told, "faults": faults}
+    file.write_text(json.dumps(content), encoding="utf-8")
     before = reporting.kept(file, ["pl-wiechert"], [here])
-    assert before == {"rows": rows[:1], "faults": faults_}
+    assert before["rows"] == rows[:1]
+    # Without one of their own they are of the commit of the file.
+    assert before["faults"] == faults | old | {
+        "made": "2026-11-21",
+        "commit": "1234abc",
+    }
     assert reporting.kept(tmp_path / "none.json", [], [here])["rows"] == []
-    new = Row("soft", "a", "all", "pl-wiechert", heldout=[0.2, 0.1], code="new")
+    new = replace(rows[1], made="2026-11-28", commit="fedc987")
     by = reporting.by_base([new, *before["rows"]], {("soft", "a"): here.material})
-    assert {b: one["code"] for b, one in by.items()} == {
-        "pl-wiechert": ["new"],
-        "hooke": ["old"],
+    assert {b: one["commit"] for b, one in by.items()} == {
+        "pl-wiechert": "fedc987",
+        "hooke": "0123abc",
     }
     assert by["hooke"]["groups"] == 1
+    both = made_of([new, *before["rows"]])
+    assert (both["commit"], both["made"]) == ("0123abc, fedc987", "2026-11-28")
 
 
 def test_without_recordings_it_says_so(tmp_path, monkeypatch, capsys):
@@ -247,23 +256,7 @@ def test_every_set_in_the_folder_is_divided_or_left_out_with_a_reason():
             assert not set(split.fit) & set(split.unseen)
 
 
-def test_made_faults_of_other_code_are_carried_on_and_say_when(tmp_path, monkeypatch):
-    monkeypatch.setattr(rows, "running_study", lambda: "studies.recordings")
-    mine = made_by("studies.recordings")["made_by_code"]
-    row = asdict(Row("s", "g", "all", "hooke", selected=[]))
-    here = [groups.Group("s", "g", (), False, None, ())]
-    file = tmp_path / "recordings.json"
-    for code, older in ((mine, {}), ("0" * 12, {"older": "2026-11-20"})):
-        told = {"made": "2026-11-20", "made_by_code": code}
-        told |= {"rows": [row], "faults": {"found": 1}}
-        file.write_text(json.dumps(told))
-        kept = rows.kept(file, ["pl-wiechert"], here)
-        assert kept["faults"] == {"found": 1} | older
-        assert len(kept["rows"]) == (not older)  # what has a row is diagnosed anew
-
-
-def test_made_faults_of_other_code_are_no_headline():
+def test_made_faults_that_were_not_run_are_no_headline():
     found = {"found": {"of": 3, "rate": 1.0}, "with_a_false_name": {"rate": 0.0}}
     assert reporting.headline([], {}, found, "hooke")["faults"] == 3
-    older = found | {"older": "2026-11-20"}
-    assert "faults" not in reporting.headline([], {}, older, "hooke")
+    assert "faults" not in reporting.headline([], {}, None, "hooke")

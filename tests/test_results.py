@@ -1,51 +1,73 @@
-"""Figures in studies/results are of today's code, or said to be of older code."""
+"""What a result file says of how it was made, and the picture drawn from it."""
 
 import json
-from pathlib import Path
+import subprocess
 
 import pytest
 
-from bench.proof.page import older
-from softnn.study.code import files_of
-from softnn.study.common import RESULTS, code_of
+import softnn
+from softnn.study import common
+from softnn.study.common import RESULTS, code_of, write_result
 from studies import pictures
 
-OLDER = Path(__file__).with_name("older_results.txt")  # a name a line
-NOT_OURS = {"ledger"}  # a book of what was opened, not a figure
+FILES = sorted(RESULTS.glob("*.json"))
 
 
-def stale() -> set[str]:
-    found = set()
-    for file in sorted(RESULTS.glob("*.json")):
-        if older(json.loads(file.read_text(encoding="utf-8"))):
-            found.add(file.stem)
-    return found - NOT_OURS
+@pytest.mark.parametrize("file", FILES, ids=lambda f: f.stem)
+def test_a_result_says_how_it_was_made(file):
+    if file.stem == "ledger":
+        return  # a list of openings, each with its own commit
+    found = json.loads(file.read_text(encoding="utf-8"))
+    assert {"made", "commit", "versions", "seed", "data"} <= set(found)
+    assert "unknown" not in common.made_with(found)
+    assert "made_by_code" not in found
 
 
-def test_no_figure_is_of_older_code_unsaid():
-    unsaid = stale() - set(OLDER.read_text(encoding="utf-8").split())
-    assert not unsaid, (
-        f"{sorted(unsaid)} in studies/results are not of today's code: run their "
-        f"studies again, or, until that is done, add their names to {OLDER.name}"
-    )
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """A git checkout of one file, in the place of softnn."""
+    (tmp_path / "softnn").mkdir()
+    file = tmp_path / "softnn" / "__init__.py"
+    file.write_text("a = 1\n")
+    monkeypatch.setattr(softnn, "__file__", str(file))
+    monkeypatch.setattr(common, "commit", common.commit.__wrapped__)
+    who = ["-c", "user.name=a", "-c", "user.email=a@b.c"]
+    for words in (["init", "-q"], ["add", "."], [*who, "commit", "-qm", "first"]):
+        subprocess.run(["git", *words], cwd=tmp_path, check=True)
+    return tmp_path
 
 
-def test_no_figure_is_said_to_be_older_that_is_not():
-    fresh = set(OLDER.read_text(encoding="utf-8").split()) - stale()
-    assert not fresh, f"take {sorted(fresh)} out of {OLDER.name}"
+def test_a_result_has_the_commit_and_says_where_code_differs(checkout):
+    def written():
+        path = write_result("n", {}, {}, folder=checkout / "out")
+        return json.loads(path.read_text())["commit"]
+
+    words = ["git", "rev-parse", "--short", "HEAD"]
+    head = subprocess.run(words, cwd=checkout, capture_output=True, text=True)
+    assert written() == head.stdout.strip()  # a new file is no change of the code
+    (checkout / "softnn" / "__init__.py").write_text("a = 2\n")
+    assert written() == head.stdout.strip() + "-dirty"
 
 
-def test_the_files_of_a_study_are_those_that_it_runs():
-    names = {"/".join(f.parts[-2:]) for f in files_of("studies.architectures")}
-    assert {"neural/levenberg.py", "architectures/trials.py"} <= names
-    assert {"models/fit_piecewise.py", "softnn/crossval.py"} <= names
-    assert not {"architectures/page.py", "softnn/tracking.py"} & names
-    assert not any("mismatch" in name for name in names)
+def test_results_and_pages_that_a_study_writes_do_not_make_the_code_dirty(checkout):
+    for name in ("studies/results", "docs"):
+        (checkout / name).mkdir(parents=True)
+        (checkout / name / "a").write_text("1")
+    who = ["-c", "user.name=a", "-c", "user.email=a@b.c"]
+    for words in (["add", "."], [*who, "commit", "-qm", "second"]):
+        subprocess.run(["git", *words], cwd=checkout, check=True)
+    (checkout / "studies" / "results" / "a").write_text("2")
+    (checkout / "docs" / "a").write_text("2")
+    assert "dirty" not in str(common.commit())
 
 
-def test_a_package_that_imports_all_it_holds_is_followed():
-    names = {f.name for f in files_of("studies.limits")}
-    assert {"mullins_softening.py", "engine.py"} <= names
+def test_without_a_checkout_there_is_no_commit_and_no_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(softnn, "__file__", str(tmp_path / "softnn" / "__init__.py"))
+    monkeypatch.setattr(common, "commit", common.commit.__wrapped__)
+    path = write_result("n", {}, {}, folder=tmp_path / "out")
+    assert "commit" not in json.loads(path.read_text())
+    monkeypatch.setenv("PATH", "")  # nor git
+    assert common.commit() is None
 
 
 @pytest.mark.parametrize(
@@ -56,13 +78,13 @@ def test_a_package_that_imports_all_it_holds_is_followed():
         ('"""Words."""\n\ndef f():\n    return 2\n', False),
     ],
 )
-def test_words_do_not_count_but_numbers_do(tmp_path, text, same):
-    one = tmp_path / "a.py"
+def test_a_store_goes_on_after_other_words_but_not_after_other_numbers(
+    tmp_path, text, same
+):
+    one, two = tmp_path / "a.py", tmp_path / "b.py"
     one.write_text('"""Words."""\n\ndef f():\n    return 1\n')
-    before = code_of([one], words=False)
-    two = tmp_path / "b.py"
     two.write_text(text)
-    assert (code_of([two], words=False) == before) is same
+    assert (code_of([two]) == code_of([one])) is same
 
 
 @pytest.mark.parametrize("panel", pictures.PANELS)

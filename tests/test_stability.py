@@ -97,7 +97,7 @@ def test_names_that_change_are_counted():
 
 def test_what_is_finished_is_told_alone(tmp_path, monkeypatch):
     monkeypatch.setattr(stability, "runs_folder", lambda _: tmp_path)
-    monkeypatch.setattr(stability, "results_folder", lambda _: tmp_path / "results")
+    monkeypatch.setattr(stability, "results_folder", lambda *_: tmp_path / "results")
     for name in ("a", "b"):
         write_case(tmp_path / "mine" / "cases" / name)
         truth = tmp_path / "mine" / "truth" / name / "truth.json"

@@ -23,6 +23,7 @@ from bench.architectures.choices import (
     worse_by,
 )
 from bench.architectures.report import draw, table
+from bench.checking import moved
 from bench.reporting import between
 from softnn.search.samplers import STARTUP
 from softnn.study import common
@@ -77,7 +78,8 @@ def make(results: Path, folder: Path) -> Path:
     for name, found in sections(files).items():
         common.save_figure(draw(found["materials"]), name, docs / "figures")
         (docs / "figures" / f"{name}.svg").unlink()  # a point a trial: no smaller
-        parts += [f"## {title_of(found)}", run_of(found)]
+        parts += [f"## {title_of(found)}", run_of(found), found["made_with"]]
+        parts += filter(None, [moved(results, *found["files"])])
         parts.append(f"![both errors of every trial](figures/{name}.png)")
         for one in found["materials"]:
             said = one["sentence"] + worse(one) + lacks.get(one["label"], "")
@@ -90,8 +92,11 @@ def make(results: Path, folder: Path) -> Path:
     readme = folder / "README.md"
     if readme.exists() and files:
         text, made = readme.read_text(encoding="utf-8"), summary(files.values())
+        names = [*(file.stem for file in files), "augmentation"]
+        lines = [INTRO, made_with(files.values()), moved(results, *names)]
+        about = "\n".join(filter(None, lines))
         readme.write_text(
-            between(MARK, text, f"{INTRO}{helps(results)}\n\n{made}"), encoding="utf-8"
+            between(MARK, text, f"{about}{helps(results)}\n\n{made}"), encoding="utf-8"
         )
     return page
 
@@ -109,13 +114,19 @@ def read(file: Path) -> Result:
 
 def sections(files: Mapping[Path, Result]) -> dict[str, Result]:
     """Results by the name of their figure: the virtual materials are one."""
-    found = {file.stem: one for file, one in files.items() if not is_virtual(one)}
+    found: dict[str, Result] = {
+        file.stem: {**one, "made_with": made_with([one]), "files": [file.stem]}
+        for file, one in files.items()
+        if not is_virtual(one)
+    }
     virtual = [one for one in files.values() if is_virtual(one)]
     if virtual:
         seconds = [one["headline"]["study_s"] for one in virtual]
         whole = None if None in seconds else sum(seconds)
         found["architectures-virtual"] = {
             **virtual[0],
+            "made_with": made_with(virtual),
+            "files": [file.stem for file, one in files.items() if is_virtual(one)],
             "materials": [m for one in virtual for m in one["materials"]],
             "left_out": {k: v for one in virtual for k, v in one["left_out"].items()},
             "headline": {"study_s": whole},
@@ -146,9 +157,13 @@ def run_of(found: Result) -> str:
     given = found["settings"]
     return (
         f"Trials: {', '.join(rows)}; {given['folds']} random folds, at most "
-        f"{given['samples']} samples a recording; {found['machine']}, {found['made']}."
-        + took
+        f"{given['samples']} samples a recording; {found['machine']}." + took
     )
+
+
+def made_with(found: Iterable[Result]) -> str:
+    """Version, commit and date of results: a sentence for each that differs."""
+    return " ".join(dict.fromkeys(map(common.made_with, found)))
 
 
 def summary(found: Iterable[Result]) -> str:
@@ -191,11 +206,12 @@ def worse(one: Result) -> str:
 
 def lacks_of(results: Path) -> dict[str, str]:
     """What the network lacks, by a diagnosis, by material: see `studies.lacks`."""
-    found = read(results / "lacks.json").get("materials", {})
+    found = read(results / "lacks.json")
     return {
         label: f" Of {one['unseen']}, where it is worst, a diagnosis of the network "
-        f"({one['network']}; `python -m studies.lacks`) says: {one['summary']}"
-        for label, one in found.items()
+        f"({one['network']}; `python -m studies.lacks`) says: {one['summary']} "
+        + common.made_with({**found, **one})
+        for label, one in found.get("materials", {}).items()
     }
 
 
@@ -208,7 +224,7 @@ def helps(results: Path) -> str:
     return (
         "\nRecordings simulated by a piecewise-linear model, added to training, help "
         f"{head['helped']} of {head['networks']} networks at what was never seen and "
-        f"harm {head['harmed']}."
+        f"harm {head['harmed']}. {common.made_with(found)}"
     )
 
 
@@ -235,7 +251,8 @@ def augmented(results: Path) -> list[str]:
         f"{found['neurons']} neurons, Bayesian regularisation, by what was never seen "
         "(section 8.3 of the thesis; `python -m studies.augmentation`). By more than "
         f"one standard error over folds it helps {head['helped']} and harms "
-        f"{head['harmed']} of {head['networks']} networks.",
+        f"{head['harmed']} of {head['networks']} networks. {common.made_with(found)}",
+        *filter(None, [moved(results, "augmentation", "lacks")]),
         common.markdown(header, rows),
         *(f"Left out: {label}: {why}" for label, why in found["left_out"].items()),
     ]

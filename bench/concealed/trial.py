@@ -4,11 +4,11 @@ Cases are forged and their key sealed (its hash goes into the record first); the
 command `softnn diagnose` is run on the cases alone; only when all diagnoses are
 written is the key opened, which the ledger keeps. Seeds below 10000 are for
 development; a trial with a seed from 10000 on, of all effects, is written to
-studies/results/concealed.json.
+studies/results/concealed.json with --publish.
 
 --hands has the cases made by another hand, --cases-in takes those of a folder
 (cases/NAME and truth/NAME/truth.json); with a seed from 10000 on, or a --label, they
-are written to studies/results/hands.json. All are scored alike.
+are written to studies/results/hands.json with --publish. All are scored alike.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from bench.concealed.reporting import report
 from bench.concealed.unseen import simulate_unseen
 from softnn.contracts import InputError
 from softnn.study.common import (
-    code_of,
+    RESULTS,
     guarded,
-    package_files,
     parser,
+    provenance,
     results_folder,
     runs_folder,
 )
@@ -205,12 +205,13 @@ def diagnose_rest(
     timed: int = TIMED_CASES,
     scheduler: str | None = None,
 ) -> None:
-    """Diagnose what is not diagnosed; the record says by which code, and how fast."""
+    """Diagnose what is not diagnosed; the record says by which commit, and how fast."""
     cases = source(folder, record) / "cases"
     if undiagnosed(folder, cases):
-        # More than one, where the code was changed before a trial was taken up again.
-        code = {*record.get("code", []), code_of(package_files())}
-        record["code"] = sorted(code)
+        before, now = record.get("commit", ""), provenance()
+        record |= now
+        if before and before != now.get("commit"):  # taken up again, with other code
+            record["commit"] = f"{before}, {now.get('commit', 'unknown')}"
         write_record(folder, record)
     timed = 0 if record["smoke"] else timed
     record |= diagnose(folder, jobs, record["seed"] or 0, timed, cases, scheduler)
@@ -220,14 +221,16 @@ def diagnose_rest(
 def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
     """Open the key, enter that into the ledger, score and report."""
     place, answers, truths = source(folder, record), [], []
-    where = results_folder(record["smoke"])
+    record["published"] = record["published"] and a.publish
+    where = results_folder(record["smoke"], record["published"])
     if record["generator"] == "forge":
         answers = read_sealed(lambda: sealing.open_key(folder))
         truths = [details.truth_of(answer) for answer in answers]
     else:
         truths = read_sealed(lambda: sealing.open_truths(place, record["key_sha256"]))
     opening = opening_of(record, truths, place)
-    record["opened_before"] = ledger.enter(opening, where)["opened_before"]
+    aside = books(record["smoke"])
+    record["opened_before"] = ledger.enter(opening, where, aside)["opened_before"]
     diagnoses = scoring.read_diagnoses((t.case for t in truths), folder / "diagnoses")
     if record["generator"] == "forge":
         simulated = simulate_unseen(folder, answers)
@@ -248,7 +251,12 @@ def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
     naming = scores["all"]["naming"]
     right = {c: f"{n['right']} of {n['of']}" for c, n in naming.items()}
     lacking = len(undiagnosed(folder, place / "cases"))  # and so counted as wrong
-    ledger.enter(opening | {"right": right, "undiagnosed": lacking}, where)
+    ledger.enter(opening | {"right": right, "undiagnosed": lacking}, where, aside)
+
+
+def books(smoke: bool) -> list[Path]:
+    """Where openings are entered: that of the project, and that of unpublished runs."""
+    return [] if smoke else [RESULTS, results_folder()]
 
 
 def opening_of(
@@ -263,7 +271,7 @@ def opening_of(
         "what": record["label"],
         "counts": dict(Counter(t.cls for t in truths)),
         "right": {},
-        "code": record.get("code", []),
+        "commit": record.get("commit"),
         "key_sha256": key,
     }
     if record["generator"] == "cases":  # no seed tells which these are

@@ -133,10 +133,27 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} is not for JSON")
 
 
-def _make(job: tuple[int, int, str, str, str, Path]) -> str:
+Job = tuple[int, int, str, str, str, Path]
+
+
+def make(job: Job) -> str:
+    """Write one case and its truth; its name."""
     seed, index, cls, side, name, out = job
     write(draw(seed, index, cls, side), name, out, [seed, CLASSES.index(cls), index])
     return name
+
+
+def ordered(out: Path, seed: int, side: str, counts: tuple[int, ...]) -> list[Job]:
+    """The cases of a seed and a side, in the order of their names."""
+    each = dict(zip(CLASSES, counts, strict=True))
+    wanted = [(i, cls) for cls, n in each.items() for i in range(n)]
+    order = np.random.default_rng([seed, SIDES.index(side), 99]).permutation(
+        len(wanted)
+    )
+    return [
+        (seed, *wanted[k], side, f"case-{place + 1:03d}", out)
+        for place, k in enumerate(order)
+    ]
 
 
 def forge(
@@ -157,19 +174,10 @@ def forge(
         raise ValueError(f"side must be one of {SIDES}; got {side!r}")
     if (out / "cases").exists() or (out / "truth").exists():
         raise FileExistsError(f"{out} holds cases already; forge into a new folder")
-    each = (nulls, singles, pairs, aliens, mixed, bent)
-    counts = dict(zip(CLASSES, each, strict=True))
-    wanted = [(i, cls) for cls, n in counts.items() for i in range(n)]
-    order = np.random.default_rng([seed, SIDES.index(side), 99]).permutation(
-        len(wanted)
-    )
-    work = [
-        (seed, *wanted[k], side, f"case-{place + 1:03d}", out)
-        for place, k in enumerate(order)
-    ]
+    work = ordered(out, seed, side, (nulls, singles, pairs, aliens, mixed, bent))
     if jobs > 1:
         with ProcessPoolExecutor(jobs) as pool:
-            list(pool.map(_make, work, chunksize=2))
+            list(pool.map(make, work, chunksize=2))
     else:
         for job in work:
-            _make(job)
+            make(job)

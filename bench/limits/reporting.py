@@ -236,7 +236,7 @@ def report(
         )
     where = folder
     if record["published"] or record["smoke"]:
-        where = results_folder(record["smoke"])
+        where = results_folder(record["smoke"], record["published"])
         ledger.enter(opening_of(record, rows), where)
     written = write_result(
         "limits",
@@ -261,12 +261,12 @@ def opening_of(
     parts = {k: v for k, v in (("null", nulls), ("single", single)) if v}
     seed = record["grid"]["seed"]
     return {
-        "trial": f"limits {seed} {record['code']}",
+        "trial": f"limits {seed} {record['commit']}",
         "opened": datetime.now(UTC).strftime("%Y-%m-%d"),
         **{"generator": "forge, grid", "side": None, "seed": seed, "what": "limits"},
         "counts": {k: len(v) for k, v in parts.items()},
         "right": {k: f"{sum(v)} of {len(v)}" for k, v in parts.items()},
-        "code": [record["code"]],
+        "commit": record["commit"],
     }
 
 

@@ -9,7 +9,7 @@ A case keeps its material, programmes and draws over all strengths, so that a cu
 strength is the same specimens with more of the effect. A case is diagnosed once: its
 outcome goes into a database at once, and whatever stops the run, the next one goes on.
 After a change of softnn or of the forge, cases are diagnosed anew. Seeds below 10000
-are for development; from 10000 on, results go to studies/results/limits.json.
+are for development; those from 10000 on may be published (--publish).
 
 The full grid takes a night on a few cores; --quick takes a fraction of an hour.
 """
@@ -35,7 +35,14 @@ from bench.limits.reporting import report
 from bench.limits.summary import CORRELATION_S
 from softnn.contracts import InputError
 from softnn.database import Store
-from softnn.study.common import code_of, guarded, package_files, parser, runs_folder
+from softnn.study.common import (
+    code_of,
+    commit,
+    guarded,
+    package_files,
+    parser,
+    runs_folder,
+)
 from softnn.workers import workers
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
@@ -234,11 +241,14 @@ def run(a: argparse.Namespace) -> None:
     whole = len(rows) == len(wanted) and grid.effects == orders.NAMES
     record = {
         "grid": asdict(grid),
-        "code": store.code,
+        "commit": commit(),
         "cases": len(rows),
         "missing": len(wanted) - len(rows),
         "smoke": a.smoke,
-        "published": whole and grid.seed >= orders.FIRST_TRIAL_SEED and not a.smoke,
+        "published": a.publish
+        and whole
+        and grid.seed >= orders.FIRST_TRIAL_SEED
+        and not a.smoke,
     }
     report(rows, record, home / "limits" / f"seed-{grid.seed}", a.tracking)
 

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 from bench.concealed import reporting
 from bench.concealed.orders import NAMES
-from bench.proof.page import of_older
 from bench.reporting import ends, share
 from bench.scoring import Rate
-from softnn.study.common import COLOURS, FAINT, markdown, new_figure, percent
+from softnn.study.common import COLOURS, FAINT, made_with, markdown, new_figure, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,7 +44,8 @@ def concealed(page: Page, found: Result) -> None:
         page.say(
             f"Strength {record['strength']:g}, seed {record['seed']}: "
             f"{record['cases']} cases ({counts}); SHA-256 of the key, on file before "
-            f"anything was diagnosed: `{record['key_sha256'][:16]}...`. {of_older(t)}"
+            f"anything was diagnosed: `{record['key_sha256'][:16]}...`. "
+            f"{made_with(record)}"
         )
     page.say(*dict.fromkeys(t["record"].get("note", "") for t in trials))
     page.say("### What was found", bars_table(trials))

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from bench import ledger
 from bench.concealed import noise_check, reporting
-from bench.proof.page import of_older
 from bench.reporting import ends, share
 from bench.scoring import CLASSES, SEEN
-from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure
+from softnn.study.common import COLOURS, FAINT, INK, made_with, markdown, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,9 +50,7 @@ def hands(page: Page, found: Result) -> None:
             f"### {label}",
             f"{record['cases']} cases{seed} "
             f"({counts}); SHA-256 of the truths "
-            f"`{record['key_sha256'][:16]}...`; hash of softnn's code "
-            f"{', '.join(record['code']) or 'not kept'}.",
-            of_older(t),
+            f"`{record['key_sha256'][:16]}...`. {made_with(record)}",
             opened_before(record),
             reporting.bars_table(t["bars"]),
             reporting.parts_table(t),
@@ -98,10 +95,10 @@ def openings(page: Page, found: Result) -> None:
         "the time: all cases, those too that can hardly be seen. What one draw of some "
         "fifty has more than another is mostly luck; no case was opened twice.",
         markdown(
-            ["seed", "code", *(CLASS_NAMES[c] for c in sums)],
+            ["seed", "commit", *(CLASS_NAMES[c] for c in sums)],
             [
                 *(
-                    [str(r["seed"]), ", ".join(r["code"]), *map(r["right"].get, sums)]
+                    [str(r["seed"]), r.get("commit"), *map(r["right"].get, sums)]
                     for r in draws
                 ),
                 ["together", "", *(share(rate.entry()) for rate in sums.values())],

@@ -7,11 +7,11 @@ from typing import Any
 
 from bench.cost import cost_figure
 from bench.proof.concealed import strength_of, trials_of
-from bench.proof.page import Page, Result, of_older
+from bench.proof.page import Page, Result
 from bench.reporting import share
 from bench.rivals import table
 from softnn.models.units import BASES
-from softnn.study.common import markdown, percent
+from softnn.study.common import made_with, markdown, percent
 
 BASE = "pl-wiechert"  # of the real recordings that are shown
 
@@ -45,7 +45,7 @@ def rivals(page: Page, found: Result) -> None:
         page.say(
             markdown(head, rows),
             beaten(t.get("wins", []), heads),
-            of_older(t),
+            made_with(t["record"]),
             t["record"].get("note", ""),
         )
 
@@ -63,7 +63,7 @@ def beaten(wins: Sequence[Mapping[str, Any]], heads: Mapping[str, str]) -> str:
 
 
 def bases(found: Mapping[str, Mapping[str, Any]]) -> str:
-    """What comes out with each base: median errors on unseen recordings; which code."""
+    """What comes out with each base: median errors on unseen recordings; the commit."""
     keys = ("unseen_nrmse_before_median", "unseen_nrmse_after_median")
     rows = [
         [
@@ -71,12 +71,12 @@ def bases(found: Mapping[str, Mapping[str, Any]]) -> str:
             f"{one['groups_in_agreement']} of {one['groups_judged']}",
             f"{one['bars_met']} of {one['bars']}",
             *(None if one[k] is None else percent(one[k]) for k in keys),
-            ", ".join(one["code"]),
+            one["commit"],
         ]
         for name, one in sorted(found.items(), key=lambda kv: BASES.index(kv[0]))
     ]
     heads = ["base", "as the literature", "bars met", "base alone", "corrected"]
-    return markdown([*heads, "hash of softnn's code"], rows)
+    return markdown([*heads, "commit"], rows)
 
 
 def recordings(page: Page, found: Result) -> None:
@@ -129,8 +129,7 @@ def recordings(page: Page, found: Result) -> None:
         cells = [[name, share(e), e["of"]] for name, e in entries]
         page.say(
             "Faults made on copies of real recordings, to be found on top of what is "
-            f"there (hash of softnn's code {', '.join(faults['code'])}): "
-            + of_older(faults),
+            f"there. {made_with(faults)}",
             markdown(["fault", "found", "copies"], cells),
             "A false name is one that the original has not. In the last row the copy "
             "has no fault but lacks a recording: names may come anyhow.",

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from softnn.study.common import code_of, made_by, package_files
+from bench.checking import moved
+from softnn.study.common import made_with
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,27 +31,6 @@ OTHER = "[the proof by other hands](proof-hands.md)."
 DPI = 100  # small files: the figures lie in the repository
 
 Result = Mapping[str, Any]
-
-
-def older(result: Result) -> bool:
-    """Whether a result is not of today's code, nor any of its trials.
-
-    Trials run softnn as a command: the code that did so is in their records.
-    """
-    study = result.get("made_by")
-    if study is None or made_by(study)["made_by_code"] != result["made_by_code"]:
-        return True
-    trials = result.get("trials")  # elsewhere a number of them
-    if not isinstance(trials, Mapping):
-        return False
-    ran = [t["record"].get("code") for t in trials.values()]
-    return any(ran) and [code_of(package_files())] not in ran
-
-
-def of_older(trial: Result) -> str:
-    """That a trial is not of the code of the last one beside it; "" where it is."""
-    made = trial.get("older")
-    return f"**Of older code**: made {made}." if made else ""
 
 
 class Page:
@@ -82,11 +62,10 @@ class Page:
         if found is None:
             self.say(f"Not run: `{COMMANDS[name]}`.")
             return
-        if "made" in found and older(found):  # a book of openings is of many codes
-            self.say(
-                f"**Of older code**: made {found['made']}, and softnn has changed "
-                f"since. `{COMMANDS[name]}` makes it anew."
-            )
+        # Each trial of several says its own, and a ledger is of many commits.
+        if "made" in found and not isinstance(found.get("trials"), Mapping):
+            self.say(made_with(found))
+        self.say(moved(self.results, name))
         write(self, found)
 
     def write(self, name: str = "proof.md") -> Path:

@@ -12,7 +12,15 @@ import numpy as np
 
 from bench.recordings.faults import CONTROL
 from bench.recordings.groups import Group
-from bench.recordings.rows import MAIN, Row, agreement, fault_scores, kept, met
+from bench.recordings.rows import (
+    MAIN,
+    Row,
+    agreement,
+    fault_scores,
+    kept,
+    made_of,
+    met,
+)
 from bench.recordings.sets import Material
 from bench.reporting import tracked
 from softnn.study.common import (
@@ -44,7 +52,9 @@ def report(
     material = {(g.set, g.name): g.material for g in groups}
     partial = bool(a.sets or a.groups or a.only_faults)
     home = runs_folder(a.smoke)
-    folder = a.out or (home / "results" if partial else results_folder(a.smoke))
+    folder = a.out or (
+        home / "results" if partial else results_folder(a.smoke, a.publish)
+    )
     untouched = [r for r in rows if r.kind != "fault"]
     copies = [r for r in rows if r.kind == "fault"]
     faults = fault_scores(copies) if copies else None
@@ -55,7 +65,8 @@ def report(
         main = MAIN if any(r.base == MAIN for r in untouched) else main
     note = "\n\n".join(tables(untouched, material, faults, main))
     print(note)
-    head = headline(untouched, material, faults, main)
+    # Made faults of an earlier run are no headline of this one.
+    head = headline(untouched, material, faults if copies else None, main)
     body = {
         "left_out": left_out,
         "literature": [
@@ -104,7 +115,7 @@ def headline(
             out[f"{name}_nrmse_{key}_median"] = (
                 float(np.median(values)) if values else None
             )
-    if faults is not None and not faults.get("older"):
+    if faults is not None:
         out["faults"] = faults["found"]["of"]
         out["faults_found"] = faults["found"]["rate"]
         out["faults_with_a_false_name"] = faults["with_a_false_name"]["rate"]
@@ -114,11 +125,11 @@ def headline(
 def by_base(
     rows: Sequence[Row], material: Mapping[tuple[str, str], Material]
 ) -> dict[str, dict[str, Any]]:
-    """`headline` of each base, and of which code of softnn its rows are."""
+    """`headline` of each base, and the commits that made its rows."""
     return {
         base: {
             **headline(rows, material, None, base),
-            "code": sorted({r.code for r in rows if r.base == base}),
+            **made_of([r for r in rows if r.base == base]),
         }
         for base in dict.fromkeys(r.base for r in rows)
     }

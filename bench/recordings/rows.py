@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,7 @@ from bench.recordings.groups import Group
 from bench.recordings.sets import Material
 from bench.scoring import Rate
 from softnn.json_file import plain
-from softnn.study.code import running_study
-from softnn.study.common import code_of, made_by, package_files, percent
+from softnn.study.common import percent, provenance_of
 
 MAIN = "pl-wiechert"  # the base that bars and faults are about
 
@@ -47,7 +46,15 @@ class Row:
     unseen: dict[str, Any] = field(default_factory=dict)
     error: str = ""
     seconds: float = 0.0
-    code: str = ""  # of which softnn: see `version`
+    made: str = ""  # the date, version and commit: see `provenance`
+    softnn: str = ""
+    commit: str = ""
+
+    @classmethod
+    def of(cls, kept: Mapping[str, Any]) -> Row:
+        """A row as a store or a result file has it, whatever else that has."""
+        names = {f.name for f in fields(cls)}
+        return cls(**{k: v for k, v in kept.items() if k in names})
 
     def take(self, result: Mapping[str, Any]) -> None:
         """What a diagnosis.json says, names of single recordings left out."""
@@ -79,31 +86,29 @@ class Row:
         )
 
 
-def version() -> str:
-    """A short hash of the code of softnn, which a diagnosis depends on."""
-    return code_of(package_files())
+def made_of(rows: Sequence[Row]) -> dict[str, str]:
+    """Version and last date of rows, and every commit that made one of them."""
+    commits = sorted({r.commit for r in rows} - {""})
+    last = max(rows, key=lambda r: r.made, default=None)
+    return {**provenance_of(asdict(last) if last else {}), "commit": ", ".join(commits)}
 
 
 def kept(file: Path, bases: Sequence[str], groups: Sequence[Group]) -> dict[str, Any]:
     """Rows of other bases than `bases` and made faults in an earlier result.
 
-    Where it is of other code, made faults alone, which say when.
+    They state their own commits.
     """
     if not file.exists():
         return {"rows": [], "faults": None}
     told = json.loads(file.read_text(encoding="utf-8"))
-    mine = made_by(running_study())
-    if mine and told.get("made_by_code") != mine["made_by_code"]:
-        faults = told["faults"]
-        return {"rows": [], "faults": faults and {"older": told["made"], **faults}}
-    names = {f.name for f in fields(Row)}
     here = {(g.set, g.name) for g in groups}
     rows = [
-        Row(**{k: v for k, v in r.items() if k in names})
+        Row.of(provenance_of(told) | r)
         for r in told["rows"]
         if r["base"] not in bases and (r["set"], r["group"]) in here
     ]
-    return {"rows": rows, "faults": told["faults"]}
+    faults = told["faults"] and {**provenance_of(told), **told["faults"]}
+    return {"rows": rows, "faults": faults}
 
 
 def agreement(row: Row, material: Material) -> dict[str, Any]:
@@ -176,7 +181,7 @@ def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
     }
     close = [t for t in counted if t["left"] is not None and t["left"] < CLOSE]
     return {
-        "code": sorted({r.code for r in rows}),
+        **made_of(rows),
         "close": CLOSE,
         "found_where_close": rate(sum(t["found"] for t in close), len(close)),
         "found": rate(sum(t["found"] for t in counted), len(counted)),

@@ -21,7 +21,7 @@ from bench.recordings.faults import CONTROL, FAULTS, faulty, one_less
 from bench.recordings.groups import Group, discover, first_loading, first_turn
 from bench.recordings.predict import misses, summary, usable
 from bench.recordings.reporting import report
-from bench.recordings.rows import MAIN, Row, version
+from bench.recordings.rows import MAIN, Row
 from bench.recordings.virtual import made_up
 from softnn.contracts import InputError
 from softnn.database import Store
@@ -30,7 +30,14 @@ from softnn.mismatch.diagnosis import Diagnosis, diagnose
 from softnn.models.units import BASES
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
-from softnn.study.common import fingerprint, guarded, package_files, parser, runs_folder
+from softnn.study.common import (
+    fingerprint,
+    guarded,
+    package_files,
+    parser,
+    provenance,
+    runs_folder,
+)
 from softnn.workers import workers
 
 DEFAULT_BASES = ("hooke", "sls", "pl-wiechert")
@@ -157,12 +164,15 @@ def carried_out(tasks: Sequence[Task], jobs: int, store: Store) -> list[Row]:
     """A row a task, in order; finished ones are taken from the store."""
     keys = [key_of(t) for t in tasks]
     every = dict(zip(keys, tasks, strict=True))  # one key, one diagnosis
-    known = {k: Row(**row) for k, row in store.rows().items()}
+    known = {k: Row.of(row) for k, row in store.rows().items()}
     todo = {k: t for k, t in every.items() if k not in known}
     print(f"{len(every)} diagnoses, {len(every) - len(todo)} of them at hand")
+    about = provenance()
     with workers(jobs) if jobs > 1 else nullcontext() as pool:
         done = (pool.map if pool else map)(work, todo.values())
         for i, (key, row) in enumerate(zip(todo, done, strict=True), start=1):
+            row.made, row.softnn = about["made"], about["softnn"]
+            row.commit = about.get("commit", "")
             store.add(key, asdict(row))
             known[key] = row
             print(f"[{i}/{len(todo)}] {row.line()}", flush=True)
@@ -198,7 +208,7 @@ def work(task: Task) -> Row:
             row.error = str(error)
             if task.split >= 0:
                 row.label = task.group.splits[task.split].label
-    row.seconds, row.code = time.perf_counter() - clock, version()
+    row.seconds = time.perf_counter() - clock
     return row
 
 

@@ -3,7 +3,8 @@
 Cases are forged and their key sealed; softnn (by its command) and every rival answer
 all of them, and the hash of the answers goes into the record; then the key is opened
 and one scorer reads them all. Seeds below 10000 are for development; a comparison with
-a seed from 10000 on, of all effects, is written to studies/results/rivals.json.
+a seed from 10000 on, of all effects, is written to studies/results/rivals.json with
+--publish.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 from bench import ledger, scoring
 from bench.concealed import details, orders, sealing
 from bench.concealed.trial import (
+    books,
     check,
     diagnose_rest,
     forge_into,
@@ -101,7 +103,9 @@ def run(a: argparse.Namespace) -> None:
     keys = sealing.open_key(folder)
     told = record | {"generator": "forge", "label": f"rivals, {record['label']}"}
     opening = opening_of(told, [details.truth_of(k) for k in keys], folder)
-    ledger.enter(opening, results_folder(record["smoke"]))
+    record["published"] = record["published"] and a.publish
+    where = results_folder(record["smoke"], record["published"])
+    ledger.enter(opening, where, books(record["smoke"]))
     given = {n: read_answers(folder, n, keys) for n in names}
     good = accepted(given)
     rows = {

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.checking import moved
 from softnn.contracts import InputError
 from softnn.study import common
 from softnn.taught import INPUTS
@@ -113,7 +114,8 @@ def write_page(results: Path, docs: Path = DOCS) -> Path:
     parts = [
         "# The network that survives",
         "Made by `python -m studies.survivor` from `studies/results/survivor.json`; no "
-        "number here is typed.",
+        f"number here is typed. {made(body)}",
+        *filter(None, [moved(results, "survivor")]),
         "`FFH7` is one layer of tanh neurons, Bayesian-regularised, over the strain, "
         "the largest strain so far and the strain of the springs of five Maxwell "
         "branches a decade apart: no derivative. Inputs are held within those "
@@ -151,6 +153,17 @@ def write_page(results: Path, docs: Path = DOCS) -> Path:
     path = docs / "survivor.md"
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     return path
+
+
+def made(body: Result) -> str:
+    """Version, commit and date; those of problems that are of another commit."""
+    whole = common.made_with(body)
+    apart = [
+        f"{row['name']}: {own}"
+        for row in body["problems"]
+        if "made" in row and (own := common.made_with(row)) != whole
+    ]
+    return " ".join([whole, *apart])
 
 
 def sine_table(body: Result) -> str:

@@ -6,8 +6,9 @@ A study is a module with `main(argv=None) -> int` that ends in
         sys.exit(main())
 
 whose options come from `parser`, whose work is done within `guarded`, and which hands
-its findings to `write_result`. With `--smoke` it takes seconds, on data as small as
-can be, and writes under `mlruns/smoke`, where nobody mistakes it for a result.
+its findings to `write_result`. A run writes under `mlruns/results`; with `--publish` it
+replaces the project's own results in `studies/results`. With `--smoke` it takes
+seconds, on data as small as can be, and writes under `mlruns/smoke`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import math
 import os
 import platform
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -34,7 +36,6 @@ import softnn
 from softnn import json_file
 from softnn.contracts import InputError
 from softnn.json_file import plain
-from softnn.study.code import files_of, running_study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 RESULTS = Path(softnn.__file__).parents[1] / "studies" / "results"
 RUNS = Path("mlruns")  # below the folder the study is started in; ignored by git
 SHOWING = ("cli.py", "report.py", "tracking.py")  # what is found, not finding it
+MADE_BY_CODE = ("--", ".", ":!studies/results", ":!docs", ":!README.md")
 PACKAGES = ("numpy", "scipy", "pandas", "torch", "optuna", "mlflow")
 
 
@@ -54,7 +56,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser(name: str, doc: str | None) -> Parser:
-    """A parser for `python -m studies.NAME`, with --seed and --smoke.
+    """A parser for `python -m studies.NAME`, with --seed, --smoke and --publish.
 
     `doc` is the docstring of the study; its first line is the question it answers.
     """
@@ -68,11 +70,17 @@ def parser(name: str, doc: str | None) -> Parser:
     made.add_argument(
         "--smoke", action="store_true", help="seconds, on tiny data, to see it run"
     )
+    made.add_argument(
+        "--publish",
+        action="store_true",
+        help="write into studies/results, not mlruns/results",
+    )
     return made
 
 
 def guarded(work: Callable[[], None]) -> int:
     """The exit code of `work`: 0, 2 for unusable input, 130 for ctrl-C or `kill`."""
+    commit()  # of the code as it was loaded: a long study may outlive it
     try:
         with killed_as_by_ctrl_c():
             work()
@@ -103,9 +111,9 @@ def runs_folder(smoke: bool = False) -> Path:
     return RUNS / "smoke" if smoke else RUNS
 
 
-def results_folder(smoke: bool = False) -> Path:
-    """Where results lie: in the project, or under `mlruns/smoke`."""
-    return runs_folder(smoke) / "results" if smoke else RESULTS
+def results_folder(smoke: bool = False, publish: bool = False) -> Path:
+    """Where results go: into the project if they are published, else among the runs."""
+    return RESULTS if publish and not smoke else runs_folder(smoke) / "results"
 
 
 def database(given: str | None, smoke: bool, name: str = "mlflow") -> str:
@@ -122,13 +130,15 @@ def write_result(
     data: Mapping[str, str] | None = None,
     folder: Path | None = None,
 ) -> Path:
-    """Write FOLDER/NAME.json and return its path; the folder is `RESULTS` by default.
+    """Write FOLDER/NAME.json and return its path.
+
+    The folder is that of `results_folder` by default.
 
     `headline` is flat: the figures that a text may quote, fractions as fractions, the
     unit in the name where there is one. `body` is whatever else the study found. `data`
     maps what was used to its hash (`softnn.recording.data_hash`). Beside them stand the
-    versions, the machine, the date, and the study that was run with a hash of its code
-    (see `softnn.study.code`). NaN and infinity become null.
+    date, the commit (see `commit`), the versions, the machine, and the study that was
+    run. NaN and infinity become null.
 
     Raises `InputError` for a headline that is not flat.
     """
@@ -138,26 +148,81 @@ def write_result(
     content = {
         "study": name,
         "headline": headline,
-        "made": datetime.now(UTC).strftime("%Y-%m-%d"),
+        **{k: v for k, v in provenance().items() if k != "softnn"},
         "seed": seed,
         "data": data or {},
         "versions": versions(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-        **made_by(running_study()),
         **{k: v for k, v in body.items() if k not in ("study", "headline")},
     }
-    folder = RESULTS if folder is None else folder
+    folder = results_folder() if folder is None else folder
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.json"
     json_file.write(path, content)
     return path
 
 
-def made_by(study: str | None) -> dict[str, str]:
-    """What a result says of the code that made it: nothing, outside of a study."""
-    if study is None:
-        return {}
-    return {"made_by": study, "made_by_code": code_of(files_of(study), words=False)}
+def provenance() -> dict[str, str]:
+    """Date, version, commit and study of what is made now.
+
+    Parts that one result file keeps from several runs carry their own.
+    """
+    found = {
+        "made": datetime.now(UTC).strftime("%Y-%m-%d"),
+        "softnn": softnn.__version__,
+        "commit": commit(),
+        "made_by": running_study(),
+    }
+    return {k: v for k, v in found.items() if v is not None}
+
+
+def made_with(found: Mapping[str, Any]) -> str:
+    """A sentence on the version, commit and date of a result, or of a part of one.
+
+    >>> made_with({"softnn": "0.1.0", "commit": "f85995a", "made": "2026-11-27"})
+    'Made with softnn 0.1.0 at commit f85995a, 2026-11-27.'
+    """
+    about = dict.fromkeys(("softnn", "commit", "made"), "unknown")
+    about |= provenance_of(found)
+    return "Made with softnn {softnn} at commit {commit}, {made}.".format(**about)
+
+
+def provenance_of(found: Mapping[str, Any]) -> dict[str, str]:
+    """Date, version and commit that a result file, or a part of one, states."""
+    about = {**found.get("versions", {}), **found}
+    return {k: about[k] for k in ("made", "softnn", "commit") if about.get(k)}
+
+
+@cache
+def commit() -> str | None:
+    """The short hash of the commit that runs; None outside of a git checkout.
+
+    It ends in `-dirty` if tracked files differ from the commit. Results and pages do
+    not count: the first study of several would make all later ones dirty.
+    """
+    root = Path(softnn.__file__).parents[1]
+
+    def git(*words: str) -> str:
+        done = subprocess.run(
+            ["git", "-C", str(root), *words], capture_output=True, text=True, check=True
+        )
+        return done.stdout.strip()
+
+    try:
+        if Path(git("rev-parse", "--show-toplevel")) != root.resolve():
+            return None  # installed below a checkout of something else
+        head = git("rev-parse", "--short", "HEAD")
+        changed = git("status", "--porcelain", "--untracked-files=no", *MADE_BY_CODE)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return f"{head}-dirty" if changed else head
+
+
+def running_study() -> str | None:
+    """The module that `python -m` runs, where it is one of the studies."""
+    spec = getattr(sys.modules.get("__main__"), "__spec__", None)
+    name = getattr(spec, "name", "")
+    return name if name.startswith("studies.") else None
 
 
 def versions() -> dict[str, str]:
@@ -178,21 +243,21 @@ def fingerprint(content: Any, *, files: Iterable[Path] = ()) -> str:
     return digest.hexdigest()[:12]
 
 
-def code_of(files: Iterable[Path], words: bool = True) -> str:
-    """A short hash of what Python files do: remarks and layout do not count.
+def code_of(files: Iterable[Path]) -> str:
+    """A short hash of what Python files do: no remark, layout or docstring counts.
 
-    Nor do docstrings without `words`.
+    It keys the stores that a stopped study goes on from, and nothing else.
     """
     digest = hashlib.sha256()
     for file in sorted(files):
-        digest.update(_tree(file, file.stat().st_mtime_ns, words))
+        digest.update(_tree(file, file.stat().st_mtime_ns))
     return digest.hexdigest()[:12]
 
 
 @cache
-def _tree(file: Path, _changed: int, words: bool) -> bytes:
+def _tree(file: Path, _changed: int) -> bytes:
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    for node in [] if words else ast.walk(tree):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             if ast.get_docstring(node, clean=False) is not None:
                 node.body = node.body[1:]
@@ -281,7 +346,7 @@ def new_figure(width: float = 7.2, height: float = 3.2) -> Figure:
 
 def save_figure(figure: Figure, name: str, folder: Path | None = None) -> list[Path]:
     """Write NAME.png and NAME.svg beside the result; their paths."""
-    folder = RESULTS if folder is None else folder
+    folder = results_folder() if folder is None else folder
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{name}.png", folder / f"{name}.svg"]
     figure.savefig(paths[0], dpi=150)

@@ -168,7 +168,7 @@ def asked_for(name: str, arguments: argparse.Namespace) -> Work:
     whole = material == "all"
     named = [name] + ([] if data == "virtual" else [source])
     named += [] if whole else ["".join(c for c in material if c.isalnum())]
-    project = results_folder(arguments.smoke)
+    project = results_folder(arguments.smoke, arguments.publish)
     local = home / "results"
     return Work(
         cases=cases(

@@ -181,12 +181,20 @@ def smoked(settings: Settings) -> Settings:
 
 
 def places_of(arguments: argparse.Namespace, published: bool = True) -> Places:
-    """Where to keep things: the project's results only if they are `published`."""
+    """Where to keep things.
+
+    Results replace the project's own with --publish, if `published` says that these
+    settings may.
+    """
     worker = getattr(arguments, "worker", False)
     if worker and (arguments.fresh or arguments.smoke):
         raise InputError("a --worker starts nothing over; leave out --fresh, --smoke")
     home = runs_folder(arguments.smoke)
-    results = results_folder(arguments.smoke) if published else home / "results"
+    results = (
+        results_folder(arguments.smoke, arguments.publish)
+        if published
+        else home / "results"
+    )
     return Places(
         storage=database(arguments.storage, arguments.smoke, "optuna"),
         tracking=database(arguments.tracking, arguments.smoke),

@@ -12,8 +12,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from bench.checking import moved
 from softnn.materials import MATERIALS, material, table
-from softnn.study.common import markdown, percent
+from softnn.study.common import made_with, markdown, percent
 from softnn.study.tendon_match import Row
 from studies.shown import properties, realtime, tendon
 
@@ -65,10 +66,21 @@ def _chapter(title: str | None, says: str, study: Sequence[str], *parts: str) ->
             says,
             CAUTION,
             *parts,
+            made_by(study),
             "## The commands",
             f"```\n{commands}\n```",
         ]
     )
+
+
+def made_by(studies: Sequence[str]) -> str:
+    """What each result of a chapter was made with, and which figures moved since."""
+    lines = []
+    for file in sorted(f for s in studies for f in RESULTS.glob(f"{s}*.json")):
+        if file.stem in studies or file.stem.split("-")[0] in studies:
+            said = [made_with(result(file.stem)), moved(RESULTS, file.stem)]
+            lines.append(f"- `{file.stem}.json`: {' '.join(filter(None, said))}")
+    return "\n".join(["## How the figures were made", "", *lines])
 
 
 def printed(id: str) -> str:
