@@ -1,17 +1,24 @@
 """The generator against closed forms, a second route and the published tables."""
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import studies
 from bench import calibration
 from softnn import prepare, virtual
 from softnn.contracts import InputError
 from softnn.materials import MATERIALS, material, table
 from softnn.recording import data_hash
+from softnn.study.material_data import prepared
+from softnn.study.settings import Settings
 from studies import virtual_specimens
 
 LINEAR = virtual.Calibration(
@@ -134,6 +141,41 @@ def test_a_seed_gives_one_set_of_specimens():
     assert data_hash(once) == data_hash(virtual.tensile("NatPolR", seed=3))
     with pytest.raises(InputError, match="seed is -1"):
         virtual.tensile("NatPolR", seed=-1)
+
+
+DIGESTS = """
+import json
+from softnn.study.material_data import prepared
+from softnn.study.settings import Settings
+data = prepared(Settings(material="all", samples=100))
+print(json.dumps({one.material: one.digest for one in data}))
+"""
+
+
+def test_prepared_specimens_are_the_same_to_the_last_bit_on_any_processor():
+    """Without vector instructions, and as this processor computes: the kept digests."""
+    kept = {}
+    for path in (Path(studies.__path__[0]) / "best").glob("architectures-*.json"):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["settings"]["data"] == "virtual":
+            assert content["settings"]["samples"] == 100
+            kept[content["settings"]["material"]] = content["data_sha256"]
+    assert set(kept) == set(MATERIALS)
+    own = prepared(Settings(material="all", samples=100))
+    assert {one.material: one.digest for one in own} == kept
+    vectors = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    plain = {
+        "OPENBLAS_CORETYPE": "Prescott",  # SSE3; elsewhere than on x86 it is ignored
+        "NPY_DISABLE_CPU_FEATURES": " ".join(vectors),
+    }
+    run = subprocess.run(
+        [sys.executable, "-c", DIGESTS],
+        env=os.environ | plain,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(run.stdout) == kept
 
 
 @pytest.mark.parametrize("name", MATERIALS)
