@@ -280,6 +280,8 @@ def _record(
     area = m.width_mm * specimen.thickness_mm
     force = stress_MPa * area
     force = force + rng.normal(0, NOISE_N, len(force)) + rng.normal(0, ZERO_N)
+    # Processors round exp differently; the finite resolution absorbs that. The other
+    # channels follow from these two by elementary operations.
     force = RESOLUTION_N * np.round(force / RESOLUTION_N)
     elongation = RESOLUTION_MM * np.round(elongation / RESOLUTION_MM)
     return Recording(
