@@ -209,15 +209,9 @@ def _branches(c: Calibration, strain: Array, interval: float) -> Array:
 
 
 def _carried(c: Calibration, strains: Array) -> Array:
-    """Stress [MPa] (n,) of all branches, from their internal strains (branches, n).
-
-    A sum in the order of the branches: a product by BLAS rounds differently on each
-    processor.
-    """
-    total = np.zeros(strains.shape[1])
-    for modulus, strain in zip(c.branch_moduli, strains, strict=True):
-        total += modulus * strain
-    return total
+    """Stress [MPa] (n,) of internal strains (branches, n), without BLAS: order fixed."""
+    parts = (k * q for k, q in zip(c.branch_moduli, strains, strict=True))
+    return sum(parts, start=np.zeros(strains.shape[1]))
 
 
 def _seated(elongation: Array, slack_mm: float) -> Array:
@@ -280,8 +274,7 @@ def _record(
     area = m.width_mm * specimen.thickness_mm
     force = stress_MPa * area
     force = force + rng.normal(0, NOISE_N, len(force)) + rng.normal(0, ZERO_N)
-    # Processors round exp differently; the finite resolution absorbs that. The other
-    # channels follow from these two by elementary operations.
+    # Finite resolution absorbs the rounding of exp, which differs between processors.
     force = RESOLUTION_N * np.round(force / RESOLUTION_N)
     elongation = RESOLUTION_MM * np.round(elongation / RESOLUTION_MM)
     return Recording(
