@@ -209,7 +209,7 @@ def _branches(c: Calibration, strain: Array, interval: float) -> Array:
 
 
 def _carried(c: Calibration, strains: Array) -> Array:
-    """Stress [MPa] (n,) of internal strains (branches, n), without BLAS: order fixed."""
+    """Stress [MPa] (n,) of internal strains (branches, n), in fixed order (no BLAS)."""
     parts = (k * q for k, q in zip(c.branch_moduli, strains, strict=True))
     return sum(parts, start=np.zeros(strains.shape[1]))
 
