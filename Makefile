@@ -13,12 +13,6 @@ ifneq ($(wildcard ../shared/data/README.md),)
 export SOFTNN_DATA ?= $(abspath ../shared/data)
 endif
 
-# Virtual specimens are sums by BLAS, which wider vectors round otherwise: their hashes,
-# and kept networks trained on them, are those of AVX2.
-ifneq ($(shell grep -m1 -o avx512f /proc/cpuinfo 2>/dev/null),)
-export OPENBLAS_CORETYPE ?= Haswell
-endif
-
 .DEFAULT_GOAL := help
 .PHONY: help install neurons results check-results test test-all check docs ui clean
 

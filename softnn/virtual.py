@@ -149,7 +149,7 @@ def stress(c: Calibration, strain: Array, interval: float, specimen: Specimen) -
 
     Exact where the branches' strain measure is linear between samples.
     """
-    branches = c.branch_moduli @ _branches(c, strain, interval)
+    branches = _carried(c, _branches(c, strain, interval))
     return specimen.stiffness * (equilibrium(c, strain, specimen) + branches)
 
 
@@ -175,7 +175,7 @@ def hold(
     # Held strain: equilibrium stays, every branch decays from where the ramp left it.
     last = _branches(c, strain, ramp[1])[:, -1]
     decay = np.exp(-held / np.array(c.branch_times)[:, None])
-    branches = (c.branch_moduli * last) @ decay
+    branches = _carried(c, last[:, None] * decay)
     relaxing = specimen.stiffness * (equilibrium(c, strain[-1:], specimen) + branches)
     elongation = np.append(velocity * ramp, np.full(len(held), test["elongation"]))
     loading = stress(c, strain, ramp[1], specimen)
@@ -206,6 +206,12 @@ def _branches(c: Calibration, strain: Array, interval: float) -> Array:
             for time in c.branch_times
         ]
     )
+
+
+def _carried(c: Calibration, strains: Array) -> Array:
+    """Stress [MPa] (n,) of internal strains (branches, n), in fixed order (no BLAS)."""
+    parts = (k * q for k, q in zip(c.branch_moduli, strains, strict=True))
+    return sum(parts, start=np.zeros(strains.shape[1]))
 
 
 def _seated(elongation: Array, slack_mm: float) -> Array:
@@ -268,6 +274,7 @@ def _record(
     area = m.width_mm * specimen.thickness_mm
     force = stress_MPa * area
     force = force + rng.normal(0, NOISE_N, len(force)) + rng.normal(0, ZERO_N)
+    # Finite resolution absorbs the rounding of exp, which differs between processors.
     force = RESOLUTION_N * np.round(force / RESOLUTION_N)
     elongation = RESOLUTION_MM * np.round(elongation / RESOLUTION_MM)
     return Recording(

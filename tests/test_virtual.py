@@ -1,12 +1,17 @@
 """The generator against closed forms, a second route and the published tables."""
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import studies
 from bench import calibration
 from softnn import prepare, virtual
 from softnn.contracts import InputError
@@ -134,6 +139,43 @@ def test_a_seed_gives_one_set_of_specimens():
     assert data_hash(once) == data_hash(virtual.tensile("NatPolR", seed=3))
     with pytest.raises(InputError, match="seed is -1"):
         virtual.tensile("NatPolR", seed=-1)
+
+
+DIGESTS = """
+import json
+from softnn import prepare, virtual
+from softnn.materials import MATERIALS
+from softnn.recording import data_hash
+found = {}
+for name in MATERIALS:
+    pulled = [prepare.specimen(r, samples=100) for r in virtual.tensile(name)]
+    found[name] = data_hash([*pulled, *virtual.relaxation(name)])
+print(json.dumps(found))
+"""
+VECTORS = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+PLAIN = {  # Prescott (SSE3) is the oldest x86 kernel; other machines ignore it
+    "OPENBLAS_CORETYPE": "Prescott",
+    "NPY_DISABLE_CPU_FEATURES": " ".join(VECTORS),
+}
+
+
+@pytest.mark.parametrize("changed", [{}, PLAIN], ids=["this processor", "plain"])
+def test_prepared_specimens_are_the_same_to_the_last_bit_on_any_processor(changed):
+    """The kept digests: by the kernels of this processor, and by the plainest ones."""
+    kept = {}
+    for path in (Path(studies.__path__[0]) / "best").glob("architectures-*.json"):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["settings"]["data"] == "virtual":
+            assert content["settings"]["samples"] == 100
+            kept[content["settings"]["material"]] = content["data_sha256"]
+    run = subprocess.run(
+        [sys.executable, "-c", DIGESTS],
+        env=os.environ | changed,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(run.stdout) == kept
 
 
 @pytest.mark.parametrize("name", MATERIALS)

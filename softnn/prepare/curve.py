@@ -44,13 +44,25 @@ def resample(recording: Recording, samples: int) -> Recording:
     forward = forward_samples(x)
     grid = np.linspace(x[forward[0]], x[forward[-1]], samples)
     columns = {
-        name: np.interp(grid, x[forward], values[forward])
+        name: _between(grid, x[forward], values[forward])
         for name, values in recording.columns.items()
         if name != "strain"
     }
     return recording.with_step(
         "resample", {"samples": samples}, strain=sign * grid, **columns
     )
+
+
+def _between(at: Array, x: Array, y: Array) -> Array:
+    """`np.interp(at, x, y)` within the range of `x`, the same on every processor.
+
+    `np.interp` is compiled code, and some compilers fuse a product with a sum.
+    """
+    before = np.searchsorted(x, at, side="right") - 1
+    after = np.minimum(before + 1, len(x) - 1)
+    step = np.where(after > before, x[after] - x[before], 1.0)
+    between = (y[after] - y[before]) / step * (at - x[before]) + y[before]
+    return np.where(at == x[before], y[before], between)
 
 
 def complete(recording: Recording) -> Recording:

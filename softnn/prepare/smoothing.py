@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from softnn.contracts import Array
 from softnn.noise import quantum
@@ -43,12 +42,55 @@ def smooth(
     allowed = guard * found["noise_MPa"]
     window = min(window, len(y) - 1 + len(y) % 2) if level > 0 else 0
     while window > order + 1:
-        smoothed = savgol_filter(y, window, order)
+        smoothed = savitzky_golay(y, window, order)
         if _largest_rms(y - smoothed, max(window, 31)) <= allowed:
             found["window"] = window
             return recording.with_step("smooth", found, stress_MPa=smoothed)
         window = window // 2 - 1 + window // 2 % 2
     return recording.with_step("smooth", {**found, "window": 0})
+
+
+def savitzky_golay(values: Array, window: int, order: int) -> Array:
+    r"""Values (n,) smoothed by polynomials of degree `order` over `window` samples.
+
+    The polynomial around a sample gives its smoothed value. The first and the last
+    polynomial also give the half windows at the ends. `window` is odd, greater than
+    `order` and at most n.
+
+    The result is `scipy.signal.savgol_filter(values, window, order)` but for rounding.
+    scipy solves a least-squares problem by LAPACK, which rounds differently on each
+    processor. Here, elementary operations in a fixed order round the same on all of
+    them. Gram polynomials (orthogonal on equally spaced samples) need no solver:
+
+    .. math:: P_{j+1}(k) = k P_j(k) - b_j P_{j-1}(k), \quad
+        b_j = \frac{j^2 (n^2 - j^2)}{4 (4 j^2 - 1)}, \quad
+        \sum_k P_j^2 = n \, b_1 \cdots b_j
+
+    >>> x = np.arange(7.0)
+    >>> np.allclose(savitzky_golay(x**2, 5, 2), x**2)
+    True
+    """
+    half = window // 2
+    k = np.arange(-half, half + 1.0)
+    weight, start, end = np.zeros((3, window))
+    p, before, b, norm = np.ones(window), np.zeros(window), 0.0, float(window)
+    for j in range(1, order + 2):
+        scaled = p / norm
+        weight += p[half] * scaled
+        start += np.sum(p * values[:window]) * scaled
+        end += np.sum(p * values[-window:]) * scaled
+        p, before = k * p - b * before, p
+        b = j**2 * (window**2 - j**2) / (4 * (4 * j**2 - 1))
+        norm *= b
+    inner = slice(half, len(values) - half)
+    smoothed = np.empty(len(values))
+    smoothed[:half], smoothed[inner.stop :] = start[:half], end[half + 1 :]
+    # Not `np.convolve`, which multiplies by BLAS.
+    smoothed[inner] = weight[half] * values[inner]
+    for i in range(1, half + 1):
+        sides = values[half - i : inner.stop - i] + values[half + i : inner.stop + i]
+        smoothed[inner] += weight[half + i] * sides
+    return smoothed
 
 
 def _largest_rms(values: Array, chunk: int) -> float:
