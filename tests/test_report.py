@@ -187,11 +187,12 @@ def test_what_is_unexplained_is_as_sure_as_that_something_is_missing(
     probable = SimpleNamespace(nothing_named=nothing_named, nothing=0.03, effects={})
     engine = SimpleNamespace(chunks=[None])
     one = SimpleNamespace(
-        probable=probable,
+        posterior=probable,
         engine=engine,
         names=[],
         verdict="unexplained",
-        account=SimpleNamespace(effects=frozenset()),
+        judged_by="likelihood",
+        decision=SimpleNamespace(account=SimpleNamespace(effects=frozenset())),
     )
     fit = {"noise_nrmse": 0.01, "before": {"heldout_nrmse": 0.5}}
     result = {
@@ -203,9 +204,9 @@ def test_what_is_unexplained_is_as_sure_as_that_something_is_missing(
     assert "on parts left out of it is 50 %" in sentence
     assert "It depends on travel most" in sentence
     # Where a reading corrects it all the same, what that leaves is what depends.
-    one.account.effects = frozenset(["slack"])
+    one.decision.account.effects = frozenset(["slack"])
     sentence = summary(result, one)
-    assert "The model given has slack" in sentence
+    assert "The corrected model has slack" in sentence
     assert "(20 %)" in sentence
     assert "What that leaves depends on travel most" in sentence
 

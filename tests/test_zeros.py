@@ -112,16 +112,17 @@ def test_a_zero_that_stands_apart_need_not_foretell_others(off):
     made = engine([0.0] * 5 + [0.1 * off])
     piece = only(start_pieces(made, LAW)[0], np.array([5]))
     fit = SimpleNamespace(guess=Guess(UNITS, STIFFNESS, (piece,)))
+    bare = SimpleNamespace(guess=Guess(UNITS, STIFFNESS))
     mine = SimpleNamespace(fit=fit, effects=frozenset({LAW.id}))
     probable = SimpleNamespace(
-        best=mine, selected=mine.effects, hypotheses=[mine], effects={LAW.id: 1.0},
-        nothing=0.0, nothing_named=0.0, other=0.0, readings=list,
+        best=mine, selected=mine.effects, effects={LAW.id: 1.0},
+        hypotheses=[SimpleNamespace(account=mine, effects=mine.effects)], nothing=0.0, nothing_named=0.0, other=0.0, readings=list,
     )  # fmt: skip
 
     def names():
         return decide(
             probable,
-            SimpleNamespace(effects=frozenset()),
+            SimpleNamespace(effects=frozenset(), fit=bare),
             lambda account: SimpleNamespace(misfit=9.0, nrmse=0.1),  # all alike
             Shows(few=False, only_loading=False),
             lambda account: apart(made).said(account.fit),

@@ -14,7 +14,18 @@ from softnn.report.phrases import listed, opened, percent, plain
 
 
 def summary(result: dict[str, Any], told: Judgement) -> str:
-    """The answer in a sentence or two; `result` is what diagnosis.json holds so far."""
+    """The answer in a few sentences; `result` is what diagnosis.json holds so far."""
+    said = _answer(result, told)
+    if told.judged_by == "prediction":
+        noise = percent(result["fit"]["noise_nrmse"])
+        said += (
+            " No known effect explains these recordings down to the noise "
+            f"({noise} at most), so that error of prediction was compared."
+        )
+    return said
+
+
+def _answer(result: dict[str, Any], told: Judgement) -> str:
     fit, probable = result["fit"], told.posterior
     noise = percent(fit["noise_nrmse"])
     before = percent(fit["before"]["heldout_nrmse"])
