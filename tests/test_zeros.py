@@ -114,9 +114,10 @@ def test_a_zero_that_stands_apart_need_not_foretell_others(off):
     fit = SimpleNamespace(guess=Guess(UNITS, STIFFNESS, (piece,)))
     bare = SimpleNamespace(guess=Guess(UNITS, STIFFNESS))
     mine = SimpleNamespace(fit=fit, effects=frozenset({LAW.id}))
+    one = SimpleNamespace(account=mine, effects=mine.effects)
     probable = SimpleNamespace(
         best=mine, selected=mine.effects, effects={LAW.id: 1.0},
-        hypotheses=[SimpleNamespace(account=mine, effects=mine.effects)], nothing=0.0, nothing_named=0.0, other=0.0, readings=list,
+        hypotheses=[one], nothing=0.0, nothing_named=0.0, other=0.0, readings=list,
     )  # fmt: skip
 
     def names():
@@ -131,7 +132,7 @@ def test_a_zero_that_stands_apart_need_not_foretell_others(off):
 
     assert names() == (LAW.id,) * off
     mine.effects |= {"mullins_softening"}  # and that is to take something from it
-    probable.selected = mine.effects
+    probable.selected = one.effects = mine.effects
     assert names() == ()
 
 
