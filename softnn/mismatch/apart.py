@@ -13,7 +13,7 @@ from softnn.mismatch.accounts import REFITTED
 from softnn.mismatch.candidates import refine
 from softnn.mismatch.posterior import NAMED, Hypothesis, Posterior
 
-LEAST = 0.001  # of probability, that is worth an account of its own
+LEAST = 0.01  # of probability, that is worth an account of its own
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from softnn.mismatch.decision import (
 from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import Posterior, Tried, posterior
 from softnn.mismatch.prediction import Candidate
+from softnn.mismatch.replicates import Replicates
 from softnn.noise import Noise, estimate
 
 
@@ -132,7 +133,7 @@ def by_prediction(base: Baseline) -> Judgement:
     found = prediction.search(base)
     best = prediction.best(found)
     probable = with_mistakes(prediction.posterior(found), engine)
-    faults = prediction.faults(base, best)
+    faults = prediction.faults(base, best) if Replicates(engine).groups else []
     own = replicates.apart(engine, probable, faults), zeros.apart(engine)
     for one in own:
         probable = one.asked(probable)

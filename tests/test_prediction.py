@@ -1,0 +1,293 @@
+"""Search by prediction: what is left out, refits without it, choice, and decision."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from made import STIFFNESS, UNITS, straight
+
+from softnn import Recording, diagnose
+from softnn.effects import effect
+from softnn.fit import Data, Engine, Guess, Piece, fit
+from softnn.mismatch import prediction
+from softnn.mismatch.decision import Shows, decide_by_prediction
+from softnn.mismatch.posterior import Hypothesis, Posterior
+from softnn.mismatch.prediction import Candidate, Fold, Folds, Judge, best, harms
+from softnn.model_file import from_dict, to_dict
+from softnn.simulate import Term, simulate
+
+SLACK, SOFT = effect("slack"), effect("mullins_softening")
+CYCLES = [0, 0.5, 0.05, 0.5, 0.9, 0.1, 0.9, 0]
+NOISE = 0.002  # MPa
+
+
+def engine(paths=(CYCLES,) * 4, rates=(0.1,) * 4, terms=(), seed=0):
+    """Recordings of made-up strips, weighed alike."""
+    rng = np.random.default_rng(seed)
+    chunks = tuple(straight(p, r, 0.06 / r) for p, r in zip(paths, rates, strict=True))
+    stress = simulate(UNITS, STIFFNESS, list(terms), chunks)
+    stress = tuple(s + NOISE * rng.standard_normal(len(s)) for s in stress)
+    made = Engine(Data(tuple(f"r{i}" for i in range(len(chunks))), chunks, stress))
+    prediction.weigh_alike(made)
+    return made
+
+
+def left_out(made, specimens=()):
+    return {f.recordings: f.by for f in prediction.folds(made, specimens)}
+
+
+# --- what is left out -----------------------------------------------------------------
+
+
+def test_recordings_rates_and_amplitudes_are_left_out_but_never_most_of_them():
+    low = [0.4 * x for x in CYCLES]
+    made = engine((CYCLES, CYCLES, CYCLES, low, low), (0.1, 0.1, 0.1, 0.1, 0.01))
+    each = {(r,): "recording" for r in range(5)}
+    # Of the rates and amplitudes, the rare ones; one recording is left out once.
+    assert left_out(made) == each | {(3, 4): "amplitude"}
+    two = [(0, 1), (2, 3), (4,)]
+    found = left_out(made, two)
+    assert found == dict.fromkeys(two, "specimen") | {(3, 4): "amplitude"}
+
+
+def test_holds_are_left_out_as_a_kind_of_programme():
+    held = [0, 0.9, 0.9]  # for a minute
+    made = engine((CYCLES, CYCLES, held, held))
+    assert left_out(made)[2, 3] == "programme"
+
+
+def test_of_one_recording_stretches_are_left_out():
+    made = engine((CYCLES,), (0.1,))
+    found = prediction.folds(made, [])
+    assert [f.by for f in found] == ["stretch"] * 5
+    assert sum(f.rows for f in found).tolist() == [1] * len(made.target)
+
+
+def test_many_recordings_are_left_out_several_at_a_time():
+    made = engine((CYCLES,) * 20, (0.1,) * 20)
+    found = [f for f in prediction.folds(made, []) if f.by == "recording"]
+    assert len(found) == prediction.MOST_FOLDS
+    assert sorted(r for f in found for r in f.recordings) == list(range(20))
+
+
+# --- fits without it ------------------------------------------------------------------
+
+
+def test_a_refit_without_a_recording_is_a_fit_to_the_others():
+    made = engine(terms=[Term(SOFT, SOFT.defaults() | {"depth": 0.4})])
+    start = Piece(SOFT, SOFT.defaults() | {"depth": 0.2}, ("depth",))
+    found = fit(made, Guess(UNITS, STIFFNESS, (start,)), iterations=30)
+    judge = Judge(made, found.guess)
+    one = judge.judged(found, refit=True)
+    # By another route: recordings 1 to 3 alone, and the first simulated by that.
+    data = made.data
+    rest = Engine(Data(data.names[1:], data.chunks[1:], data.stress_MPa[1:]))
+    prediction.weigh_alike(rest)
+    other = fit(rest, found.guess, iterations=30).guess
+    missed = made.target - made.run(other, False)[0]
+    assert judge.folds.every[0].recordings == (0,)
+    expected = np.sum(missed[made.owner == 0] ** 2)
+    assert one.errors[0] == pytest.approx(expected, rel=1e-3)
+    # A step from the fit to all is nearly that, and the engine is as it was.
+    assert judge.judged(found).errors == pytest.approx(one.errors, rel=0.05)
+    assert fit(made, found.guess).chi2 == pytest.approx(found.chi2, rel=1e-3)
+
+
+def gaps(*values):
+    values = {"gap": np.array(values), "toe": 0.0}
+    return Piece(
+        SLACK, values, ("gap",), tuple((i,) for i in range(len(values["gap"])))
+    )
+
+
+def test_a_recording_not_met_has_the_mean_gap_of_the_others():
+    guess = Guess(UNITS, STIFFNESS, (gaps(0.01, 0.02, 0.09),))
+    new = prediction.unmet(guess, Fold("recording", np.ones(1, bool), (2,)))
+    assert new.pieces[0].values["gap"].tolist() == pytest.approx([0.01, 0.02, 0.015])
+    assert new.pieces[0].groups == ((0,), (1,))
+
+
+def test_a_specimen_that_other_recordings_show_keeps_its_gap():
+    piece = replace(gaps(0.01, 0.05, 0.05), groups=((0,), (1, 2)))
+    guess = Guess(UNITS, STIFFNESS, (piece,))
+    new = prediction.unmet(guess, Fold("recording", np.ones(1, bool), (2,)))
+    assert new.pieces[0].values["gap"].tolist() == pytest.approx([0.01, 0.05, 0.05])
+
+
+def test_a_stored_model_gives_new_recordings_the_mean_gap_and_no_fault():
+    offset = effect("zero_offset")
+    own = {"offset_MPa": np.array([0.0, 0.5])}
+    wrong = Piece(offset, offset.defaults() | own, (), ((1,),))
+    guess = Guess(UNITS, STIFFNESS, (gaps(0.02, 0.06), wrong))
+    model = from_dict(to_dict(guess, ["a", "b"], "fresh", False))
+    chunk = straight([0, 0.9], 0.1, 0.5)
+    stress = model.stress(["a", "new"], [chunk] * 2, [None] * 2)
+    taut = Term(SLACK, {"gap": np.array([0.02, 0.04]), "toe": 0.0})
+    expected = simulate(UNITS, STIFFNESS, [taut], [chunk] * 2)
+    np.testing.assert_allclose(stress, expected, rtol=1e-9)
+
+
+# --- choice ---------------------------------------------------------------------------
+
+
+def candidates(*rows, kinds=("specimen",) * 4):
+    """The base and sets of effects with these errors in the folds."""
+    rows_ = np.ones(1, bool)
+    every = tuple(Fold(by, rows_, (i,)) for i, by in enumerate(kinds))
+    known = Folds(every, np.ones(len(kinds)))
+    out = []
+    for names, errors in rows:
+        laws = [Piece(effect(name), {}, ()) for name in names]
+        one = SimpleNamespace(guess=Guess(UNITS, STIFFNESS, tuple(laws)))
+        out.append(Candidate(one, np.square(np.array(errors, float)), known))
+    return out
+
+
+def test_the_base_stays_where_a_correction_is_worse_on_one_kind_of_recordings():
+    kinds = ("recording", "recording", "recording", "rate")
+    found = candidates(
+        ((), (0.1, 0.1, 0.1, 0.2)),
+        (("friction_hysteresis",), (0.01, 0.01, 0.01, 0.3)),
+        (("finite_strain",), (0.08, 0.08, 0.08, 0.1)),
+        kinds=kinds,
+    )
+    base, loops, finite = found
+    assert harms(loops, base) == "rate"
+    assert best(found) is finite
+    assert best(found[:2]) is base
+
+
+def test_scatter_of_recordings_is_no_harm():
+    base, one = candidates(
+        ((), (0.10, 0.02, 0.10, 0.10)), (("slack",), (0.02, 0.024, 0.02, 0.02))
+    )
+    assert harms(one, base) is None
+
+
+def test_an_effect_that_others_replace_is_not_sure():
+    found = candidates(
+        ((), [0.2] * 4),
+        (("mullins_softening", "slack"), [0.01] * 4),
+        (("mullins_softening", "permanent_set"), [0.01] * 4),
+    )
+    effects = prediction.posterior(found).effects
+    assert effects["mullins_softening"] > 0.9
+    assert effects["slack"] == pytest.approx(effects["permanent_set"])
+    assert effects["slack"] < 0.5
+
+
+def test_what_leaves_most_of_the_error_is_not_sure_to_be_on_the_list():
+    sure, not_sure = (
+        prediction.posterior(candidates(((), [0.2] * 4), (("slack",), [left] * 4)))
+        for left in (0.01, 0.1)
+    )
+    assert sure.effects["slack"] > 0.9
+    assert not_sure.effects["slack"] < 0.9
+    assert not_sure.nothing_named > 0.3
+    assert sure.nothing == 0  # the base does not reach the noise
+
+
+def test_one_recording_says_less_than_several():
+    rows = ((), [0.2] * 4), (("slack",), [0.1] * 4), (("inertia",), [0.12] * 4)
+    several, alone = (
+        prediction.posterior(candidates(*rows, kinds=(by,) * 4)).effects
+        for by in ("recording", "stretch")
+    )
+    odds = [e["slack"] / e["inertia"] for e in (several, alone)]
+    assert odds[0] > 2 * odds[1] > 2
+
+
+# --- decision -------------------------------------------------------------------------
+
+
+SHOWS = Shows(few=False, only_loading=False)
+
+
+def decided(found, correct, shows=SHOWS, apart=()):
+    return decide_by_prediction(
+        prediction.posterior(found),
+        found[0],
+        correct,
+        lambda one: one.heldout,
+        shows,
+        lambda one: frozenset(apart) & one.effects,
+    )
+
+
+def test_names_and_the_corrected_model_are_two_results():
+    found = candidates(
+        ((), [0.2] * 4),
+        (("mullins_softening", "slack"), [0.01] * 4),
+        (("mullins_softening", "permanent_set"), [0.01] * 4),
+    )
+    told = decided(found, found[1])
+    assert told.names == ("mullins_softening",)
+    assert told.account.effects == {"mullins_softening", "slack"}
+    assert told.verdict == "partly_explained"
+    assert told.after.nrmse < told.before.nrmse
+
+
+def test_nothing_is_named_where_the_base_predicts_best():
+    found = candidates(((), [0.05] * 4), (("slack",), [0.051] * 4))
+    told = decided(found, found[0])
+    assert (told.names, told.verdict) == ((), "unexplained")
+    assert told.account is found[0]
+
+
+@pytest.mark.parametrize(
+    "shows", [Shows(few=True, only_loading=False), Shows(few=False, only_loading=True)]
+)
+def test_recordings_that_show_little_correct_nothing(shows):
+    found = candidates(((), [0.2] * 4), (("mullins_softening",), [0.01] * 4))
+    told = decided(found, found[1], shows)
+    assert (told.names, told.verdict) == ((), "undetermined")
+    assert told.account is found[0]
+
+
+def test_a_fault_of_one_recording_is_named_whatever_predicts_others():
+    base, soft = candidates(((), [0.05] * 4), (("zero_offset",), [0.05] * 4))
+    made = Posterior(
+        (Hypothesis(base), Hypothesis(base, True), Hypothesis(soft)),
+        np.array([0.0, 0.05, 0.95]),
+        np.zeros(3),
+    )
+    told = decide_by_prediction(
+        made,
+        base,
+        base,
+        lambda one: one.heldout,
+        SHOWS,
+        lambda one: one.effects & {"zero_offset"},
+    )
+    assert told.names == ("zero_offset",)
+    assert told.account is soft
+
+
+# --- all of it ------------------------------------------------------------------------
+
+
+def bent_strips(soft):
+    """Four strips of a material that no law here describes, softened or not."""
+    out = []
+    for i, top in enumerate((0.5, 0.6, 0.7, 0.8)):
+        path = [0, 0.5 * top, 0, 0.5 * top, top, 0, top, 0]
+        chunk = straight(path, 0.1, 0.05)
+        largest = np.maximum.accumulate(chunk.strain)
+        below = np.clip((largest - chunk.strain) / 0.3, 0, 1)
+        wavy = 1 + 0.15 * np.sin(9 * chunk.strain) * np.tanh(3 * largest)
+        stress = 2 * chunk.strain * wavy * (1 - soft * below * np.tanh(4 * largest))
+        rng = np.random.default_rng(i)
+        noisy = stress + 5e-4 * rng.standard_normal(len(stress))
+        out.append(Recording(chunk.time_s, chunk.strain, noisy, name=f"s{i}"))
+    return out
+
+
+def test_softening_of_a_material_that_no_law_describes_is_named_by_prediction():
+    found = diagnose(bent_strips(0.4), "hooke")
+    assert found.result["judged_by"] == "prediction"
+    assert "mullins_softening" in found.selected
+    errors = found.result["fit"]
+    assert errors["after"]["heldout_nrmse"] < 0.5 * errors["before"]["heldout_nrmse"]
+    assert errors["after"]["worst"]["nrmse"] >= errors["after"]["heldout_nrmse"]
+    assert "down to the noise" in found.summary
