@@ -20,7 +20,7 @@ export OPENBLAS_CORETYPE ?= Haswell
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install neurons test test-all check docs ui clean
+.PHONY: help install neurons test test-slow test-all check docs ui clean
 
 help:
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -37,10 +37,13 @@ install: $(STAMP) ## set up .venv (done by the others when needed)
 neurons: $(STAMP) ## the main job: neurons 1-20 by 10-fold cross-validation, into MLflow
 	$(BIN)/python -m studies.neurons $(ARGS)
 
-test: $(STAMP) ## fast tests, about five minutes
-	$(BIN)/python -m pytest -m 'not slow' -n auto --dist worksteal
+test: $(STAMP) ## fast tests: 5 minutes at most on 2 cores
+	$(BIN)/python -m pytest -m 'not slow and not exhaustive' -n auto --dist worksteal
 
-test-all: $(STAMP) ## every test, slow ones too
+test-slow: $(STAMP) ## studies, servers, browsers, longer diagnoses: 20 minutes at most
+	$(BIN)/python -m pytest -m 'slow and not exhaustive' -n auto --dist worksteal
+
+test-all: $(STAMP) ## every test: those two, and what fits in neither
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
 check: $(STAMP) ## ruff and mypy

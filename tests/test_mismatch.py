@@ -1,5 +1,6 @@
 """Diagnosis end to end, on forged histories."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -29,16 +30,15 @@ def test_nothing_concealed_is_nothing_missing(tmp_path):
     assert found.result["fit"]["heldout_ratio"] == 1.0
 
 
-def test_softening_is_named_measured_and_located(tmp_path):
-    found = diagnose(read_case(write_case(tmp_path / "soft", [mullins()])))
-    result = found.result
-    assert result["verdict"] in ("explained", "undetermined")
+def test_softening_is_named_measured_and_located(softened):
+    result = json.loads((softened[1] / "diagnosis.json").read_text())
+    assert result["verdict"] == "explained"
     assert result["selected"] == ["mullins_softening"]
     told = result["explanations"][0]
     depth = told["parameters"]["depth"]
     assert depth["value"] == pytest.approx(0.4, abs=0.05)
     assert depth["low"] < depth["value"] < depth["high"]
-    assert told["probability"] > 0.5
+    assert told["probability"] > 0.9
     fit_ = result["fit"]
     # The noise is the floor of any prediction; it was drawn at 0.002 MPa.
     assert result["noise"]["sigma_MPa"] == pytest.approx(0.002, rel=0.15)
@@ -55,10 +55,9 @@ def test_softening_is_named_measured_and_located(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def softened(tmp_path_factory):
+def searched(softened):
     """What a search finds where softening is concealed; accounts by their effects."""
-    folder = write_case(tmp_path_factory.mktemp("soft"), [mullins()])
-    found = search(start(read_case(folder)))
+    found = search(start(read_case(softened[0])))
     return found, {a.effects: a for a in reversed(found.accounts)}
 
 
@@ -73,10 +72,10 @@ def told_of(monkeypatch, found, shares, beside=0.0, strange=0.0):
 
 @pytest.mark.parametrize(("share", "corrects"), [(0.45, True), (0.2, False)])
 def test_readings_that_share_the_probability_correct_without_a_name(
-    softened, monkeypatch, share, corrects
+    searched, monkeypatch, share, corrects
 ):
     # Softening is what foretells the recordings best, friction as likely.
-    found, of = softened
+    found, of = searched
     soft, rough = (
         of[frozenset([e])] for e in ("mullins_softening", "friction_hysteresis")
     )
@@ -92,9 +91,9 @@ def test_readings_that_share_the_probability_correct_without_a_name(
 
 @pytest.mark.parametrize("wrong", [1.0, 1e6])
 def test_what_is_on_no_list_is_corrected_by_a_reading_that_holds(
-    softened, monkeypatch, wrong
+    searched, monkeypatch, wrong
 ):
-    found, of = softened
+    found, of = searched
     soft, plain = of[frozenset(["mullins_softening"])], verify.heldout
 
     def heldout(engine, fit):  # as whitened, along tangents, as before
@@ -127,10 +126,10 @@ def test_what_foretells_no_better_than_the_base_corrects_nothing(tmp_path, monke
 
 
 def test_a_part_explained_is_corrected_by_the_reading_that_foretells_best(
-    softened, monkeypatch
+    searched, monkeypatch
 ):
     # Friction is sure, softening beside it as likely as not, and something is left.
-    found, of = softened
+    found, of = searched
     rough = of[frozenset(["friction_hysteresis"])]
     both = of[frozenset(["friction_hysteresis", "mullins_softening"])]
     shares = [(found.accounts[0], 0.02), (rough, 0.5), (both, 0.48)]
@@ -169,6 +168,7 @@ def test_two_effects_are_both_named(tmp_path):
     assert sorted(found.result["selected"]) == ["mullins_softening", "sensor_lag"]
 
 
+@pytest.mark.slow
 def test_what_is_on_no_list_is_named_after_nothing_on_it(tmp_path):
     # Wear with the time under load, by a law of its own: nearest come drift and slip.
     worn = []
@@ -193,6 +193,7 @@ def test_offsets_in_two_recordings_are_told_by_name(tmp_path):
     assert found.result["explanations"][0]["recordings"] == ["r1", "r4"]
 
 
+@pytest.mark.slow
 def test_a_gap_that_all_recordings_have_is_measured_whole(tmp_path):
     # With a sharp corner, gaps alike in all of them would be the foot of a spring.
     gaps, chunks = (0.035, 0.05, 0.03, 0.06, 0.045), histories()
@@ -239,12 +240,6 @@ def test_a_load_cell_cut_off_at_zero_has_the_noise_of_the_others(tmp_path):
     case = read_case(write_case(tmp_path / "cut", stress=stress, noise=0.0))
     cut, *others = baseline(to_data(case), "pl-wiechert").noise
     assert cut.floor_MPa > 0.3 * min(n.floor_MPa for n in others)
-
-
-def test_softening_is_said_to_have_been_left_out(tmp_path):
-    found = diagnose(read_case(write_case(tmp_path / "soft", [mullins()]))).result
-    assert found["verdict"] == "explained"
-    assert found["explanations"][0]["probability"] > 0.9
 
 
 def alone(base, law):
@@ -381,7 +376,9 @@ def test_a_clock_may_run_on_and_repeat_the_last_sample(tmp_path):
         table["time_s"] += begins
         begins = table["time_s"].iloc[-1]
         table.to_csv(file, index=False)
-    assert 0 < diagnose(read_case(folder)).result["fit"]["after"]["nrmse"] < 0.1
+    # The clock is the same to any base: this one leaves little to search through.
+    result = diagnose(read_case(folder), "wiechert").result
+    assert 0 < result["fit"]["after"]["nrmse"] < 0.1
 
 
 def test_a_diagnosis_keeps_to_one_blas_thread(tmp_path, monkeypatch):
