@@ -168,7 +168,6 @@ def test_two_effects_are_both_named(tmp_path):
     assert sorted(found.result["selected"]) == ["mullins_softening", "sensor_lag"]
 
 
-@pytest.mark.slow
 def test_what_is_on_no_list_is_named_after_nothing_on_it(tmp_path):
     # Wear with the time under load, by a law of its own: nearest come drift and slip.
     worn = []
@@ -193,7 +192,6 @@ def test_offsets_in_two_recordings_are_told_by_name(tmp_path):
     assert found.result["explanations"][0]["recordings"] == ["r1", "r4"]
 
 
-@pytest.mark.slow
 def test_a_gap_that_all_recordings_have_is_measured_whole(tmp_path):
     # With a sharp corner, gaps alike in all of them would be the foot of a spring.
     gaps, chunks = (0.035, 0.05, 0.03, 0.06, 0.045), histories()
@@ -372,15 +370,16 @@ def test_constant_strain_and_one_recording_are_allowed(tmp_path):
 
 def test_a_clock_may_run_on_and_repeat_the_last_sample(tmp_path):
     folder = write_case(tmp_path, toml='history = "continued"\n')
+    first, second, *others = sorted((folder / "recordings").glob("*.csv"))
+    for file in others:  # two are enough for a clock that runs on
+        file.unlink()
     begins = 0.0
-    for file in sorted((folder / "recordings").glob("*.csv")):
+    for file in (first, second):
         table = pd.read_csv(file)
         table["time_s"] += begins
         begins = table["time_s"].iloc[-1]
         table.to_csv(file, index=False)
-    # The clock is the same to any base: this one leaves little to search through.
-    result = diagnose(read_case(folder), "wiechert").result
-    assert 0 < result["fit"]["after"]["nrmse"] < 0.1
+    assert 0 < diagnose(read_case(folder)).result["fit"]["after"]["nrmse"] < 0.01
 
 
 def test_a_diagnosis_keeps_to_one_blas_thread(tmp_path, monkeypatch):

@@ -27,7 +27,6 @@ LOOKED_AT = (
 # -- what stands on them is run --------------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", RUN)
 def test_examples_of_a_page_run_as_they_stand(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
