@@ -14,7 +14,7 @@ export SOFTNN_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install neurons results check-results test test-all check docs ui clean
+.PHONY: help install neurons results check-results test test-slow test-all check docs ui clean
 
 help:
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -40,10 +40,13 @@ results: $(STAMP) ## publish into studies/results: studies of minutes, or STUDIE
 check-results: $(STAMP) ## recompute some published figures, 10 minutes: ARGS="--minutes 10 --only NAME"
 	$(BIN)/python -m studies.check_results --publish $(ARGS)
 
-test: $(STAMP) ## fast tests, about five minutes
-	$(BIN)/python -m pytest -m 'not slow' -n auto --dist worksteal
+test: $(STAMP) ## fast tests: 5 minutes at most on 2 cores
+	$(BIN)/python -m pytest -m 'not slow and not exhaustive' -n auto --dist worksteal
 
-test-all: $(STAMP) ## every test, slow ones too
+test-slow: $(STAMP) ## studies, servers, browsers, longer diagnoses: 20 minutes at most
+	$(BIN)/python -m pytest -m 'slow and not exhaustive' -n auto --dist worksteal
+
+test-all: $(STAMP) ## every test: those two, and what fits in neither
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
 check: $(STAMP) ## ruff and mypy

@@ -59,6 +59,17 @@ def postgresql() -> Iterator[str]:
             child.wait(30)
 
 
+def new_database(address: str, name: str) -> str:
+    """An empty database on the server of this one; its address."""
+    import sqlalchemy
+
+    engine = sqlalchemy.create_engine(address, isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.execute(sqlalchemy.text(f"CREATE DATABASE {name}"))
+    engine.dispose()
+    return address.rpartition("/")[0] + f"/{name}"
+
+
 def _ready(address: str, child: subprocess.Popen) -> str:
     import sqlalchemy
 

@@ -56,7 +56,6 @@ def told(law):
 ASKED = [law for law in EFFECTS if "wiechert" not in law.part_of]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", ASKED, ids=[e.id for e in ASKED])
 def test_a_planted_effect_is_the_first_candidate_on_its_own_telltale(law):
     if "recover" in law.exempt:

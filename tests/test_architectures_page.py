@@ -4,6 +4,7 @@ import json
 import re
 
 import pytest
+from smoke import smoked
 
 from bench.architectures.page import MARK, ROOT, make, result_files, summary
 
@@ -134,15 +135,14 @@ def test_the_page_of_the_project_is_that_of_its_results(tmp_path):
     assert make(ROOT / "studies" / "results", tmp_path).read_text() == kept.read_text()
 
 
+@pytest.mark.slow
 def test_nothing_is_said_of_a_network_that_is_chosen_no_more(tmp_path, monkeypatch):
     from softnn.study.common import results_folder
-    from studies import lacks
 
     monkeypatch.chdir(tmp_path)
     place = results_folder(smoke=True)
     place.mkdir(parents=True, exist_ok=True)
     gone = {"materials": {"a rubber": {"network": "FFRI1, 4 neurons", "summary": "?"}}}
     (place / "lacks.json").write_text(json.dumps(gone))
-    assert lacks.main(["--smoke"]) == 0
-    found = json.loads((place / "lacks.json").read_text())["materials"]
+    found = smoked("lacks")["lacks"]["materials"]
     assert [name.split(",")[0] for name in found] == ["NatPolR"]

@@ -126,6 +126,7 @@ def hold(split: str, found, again, expected, relative: float) -> None:
         assert not wrong.any(), (got[:, wrong], kept[wrong])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("use", ["random", "unseen"])
 @pytest.mark.parametrize("path", ENDS, ids=lambda path: path.stem)
 def test_a_fold_of_an_end(path, use):

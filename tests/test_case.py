@@ -296,6 +296,7 @@ def test_names_must_differ_and_there_must_be_one():
         diagnose(Case("c", ()), "hooke")
 
 
+@pytest.mark.slow  # fewer samples end before all is tried
 @pytest.mark.parametrize("stress", [np.full(400, 0.3), np.where(TIME > 20, 0.3, 0.0)])
 def test_a_stress_that_does_not_follow_is_no_reason_to_break_off(stress):
     case = Case("c", (Recording(TIME, STRAIN, stress, name="a"),))

@@ -28,6 +28,7 @@ def whose(number: int) -> tuple[int, int]:
     return number, os.getpid()
 
 
+@pytest.mark.slow
 def test_workers_of_a_cluster_do_the_work(scheduler):
     with workers(1, scheduler) as pool:
         done = [f.result(60) for f in [pool.submit(whose, i) for i in range(20)]]
@@ -43,6 +44,7 @@ def test_no_scheduler_is_said_in_one_line(monkeypatch):
             pass
 
 
+@pytest.mark.slow
 def test_diagnoses_on_a_cluster_are_those_made_here(scheduler, tmp_path, capsys):
     case = tmp_path / "case"
     case.mkdir()

@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import shutil
 import subprocess
 from dataclasses import replace
 
@@ -148,6 +149,7 @@ def test_missing_column_is_told_with_what_would_do(tmp_path):
         readers.tidy.read_tidy(file)
 
 
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 def test_c_takes_degrees_and_gives_newton_metres(diagnosed, tmp_path):
     model = diagnosed / "model.json"
     command = ["export", str(model), "--to", "c", "--name", "s", "--out", str(tmp_path)]

@@ -33,6 +33,7 @@ def test_every_recording_has_as_many_samples_as_asked_for(samples, offset, tmp_p
     assert np.std(np.concatenate(left)) == pytest.approx(sigma, rel=0.1)
 
 
+@pytest.mark.slow
 def test_only_the_pool_is_chosen_from(offset, tmp_path):
     offset.write(tmp_path / "c", 150, 1)
     case = read_case(tmp_path / "c")

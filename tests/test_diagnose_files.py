@@ -72,20 +72,8 @@ def conforms(value, schema, root=None, path="$"):
             conforms(item, schema["items"], root, f"{path}[{i}]")
 
 
-@pytest.fixture(scope="module")
-def diagnosed(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("cases")
-    write_case(folder / "soft <b>", [mullins()])
-    out = folder / "out"
-    code = main(
-        ["diagnose", str(folder / "soft <b>"), "--out", str(out), "--jobs", "1"]
-    )
-    assert code == 0
-    return folder, out / "soft__b_"
-
-
-def test_files_keep_to_their_schemas(diagnosed):
-    _, out = diagnosed
+def test_files_keep_to_their_schemas(softened):
+    _, out = softened
     for name, schema in (
         ("diagnosis", "diagnosis"),
         ("model", "model"),
@@ -95,8 +83,8 @@ def test_files_keep_to_their_schemas(diagnosed):
         conforms(value, json.loads((FOLDER / f"{schema}.schema.json").read_text()))
 
 
-def test_report_is_of_the_diagnosis_and_escapes_names(diagnosed):
-    _, out = diagnosed
+def test_report_is_of_the_diagnosis_and_escapes_names(softened):
+    _, out = softened
     page = (out / "report.html").read_text()
     assert "<b>" not in page
     assert "soft &lt;b&gt;" in page
@@ -105,9 +93,9 @@ def test_report_is_of_the_diagnosis_and_escapes_names(diagnosed):
     assert json.loads(told.split("</script>")[0]) == stored
 
 
-def test_simulate_repeats_the_corrected_model_without_the_stress(diagnosed, tmp_path):
-    folder, out = diagnosed
-    files = sorted((folder / "soft <b>" / "recordings").glob("*.csv"))
+def test_simulate_repeats_the_corrected_model_without_the_stress(softened, tmp_path):
+    case, out = softened
+    files = sorted((case / "recordings").glob("*.csv"))
     bare = tmp_path / "bare"
     bare.mkdir()
     for file in files:
@@ -129,8 +117,8 @@ def test_simulate_repeats_the_corrected_model_without_the_stress(diagnosed, tmp_
         assert np.sqrt(np.mean((one["simulated_MPa"] - truth) ** 2)) < 0.002
 
 
-def test_model_file_reads_back_as_it_was(diagnosed):
-    _, out = diagnosed
+def test_model_file_reads_back_as_it_was(softened):
+    _, out = softened
     stored = read_model(out / "model.json")
     assert stored.pieces[0].effect.id == "mullins_softening"
     data = json.loads((out / "model.json").read_text())
@@ -141,8 +129,8 @@ def test_model_file_reads_back_as_it_was(diagnosed):
         from_dict({})
 
 
-def test_a_shape_that_a_model_file_does_not_know_is_the_usual_one(diagnosed):
-    _, out = diagnosed
+def test_a_shape_that_a_model_file_does_not_know_is_the_usual_one(softened):
+    _, out = softened
     data = json.loads((out / "model.json").read_text())
     values = data["effects"][0]["values"]
     del values["viscous_share"]
@@ -153,9 +141,9 @@ def test_a_shape_that_a_model_file_does_not_know_is_the_usual_one(diagnosed):
 
 
 @pytest.mark.slow
-def test_a_stored_model_is_a_base(diagnosed):
-    folder, out = diagnosed
-    case = read_case(folder / "soft <b>")
+def test_a_stored_model_is_a_base(softened):
+    folder, out = softened
+    case = read_case(folder)
     corrected = diagnose(case, read_model(out / "model.json"))
     assert corrected.result["verdict"] == "nothing_missing"
     plain = from_dict(to_dict(Guess(UNITS, STIFFNESS), [], "fresh", False))

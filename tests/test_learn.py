@@ -102,7 +102,9 @@ def test_a_correction_does_not_leave_what_it_has_seen():
     np.testing.assert_allclose(told, [-2.5, 1.25, 4.0])
 
 
-@pytest.mark.xfail(reason="a hum of half a window is taken for noise that remembers")
+@pytest.mark.xfail(
+    strict=True, reason="the noise model absorbs a hum of half its window"
+)
 def test_an_unknown_disturbance_is_not_explained_away():
     hum = recordings(lambda t, e: 0.06 * np.sin(2 * np.pi * t / 2.9))
     told = diagnose(Case("hum", tuple(hum)), "hooke").result

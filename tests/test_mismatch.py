@@ -1,5 +1,6 @@
 """Diagnosis end to end, on forged histories."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -30,16 +31,15 @@ def test_nothing_concealed_is_nothing_missing(tmp_path):
     assert found.result["fit"]["heldout_ratio"] == 1.0
 
 
-def test_softening_is_named_measured_and_located(tmp_path):
-    found = diagnose(read_case(write_case(tmp_path / "soft", [mullins()])))
-    result = found.result
-    assert result["verdict"] in ("explained", "undetermined")
+def test_softening_is_named_measured_and_located(softened):
+    result = json.loads((softened[1] / "diagnosis.json").read_text())
+    assert result["verdict"] == "explained"
     assert result["selected"] == ["mullins_softening"]
     told = result["explanations"][0]
     depth = told["parameters"]["depth"]
     assert depth["value"] == pytest.approx(0.4, abs=0.05)
     assert depth["low"] < depth["value"] < depth["high"]
-    assert told["probability"] > 0.5
+    assert told["probability"] > 0.9
     fit_ = result["fit"]
     # The noise is the floor of any prediction; it was drawn at 0.002 MPa.
     assert result["noise"]["sigma_MPa"] == pytest.approx(0.002, rel=0.15)
@@ -56,10 +56,9 @@ def test_softening_is_named_measured_and_located(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def softened(tmp_path_factory):
+def searched(softened):
     """What a search finds where softening is concealed; accounts by their effects."""
-    folder = write_case(tmp_path_factory.mktemp("soft"), [mullins()])
-    found = search(start(read_case(folder)))
+    found = search(start(read_case(softened[0])))
     return found, {a.effects: a for a in reversed(found.accounts)}
 
 
@@ -81,10 +80,10 @@ def decided(found, shares, beside=0.0, strange=0.0, heldout=None):
 
 @pytest.mark.parametrize(("share", "corrects"), [(0.45, True), (0.2, False)])
 def test_readings_that_share_the_probability_correct_without_a_name(
-    softened, share, corrects
+    searched, share, corrects
 ):
     # Softening is what foretells the recordings best, friction as likely.
-    found, of = softened
+    found, of = searched
     soft, rough = (
         of[frozenset([e])] for e in ("mullins_softening", "friction_hysteresis")
     )
@@ -97,8 +96,8 @@ def test_readings_that_share_the_probability_correct_without_a_name(
 
 
 @pytest.mark.parametrize("wrong", [1.0, 1e6])
-def test_what_is_on_no_list_is_corrected_by_a_reading_that_holds(softened, wrong):
-    found, of = softened
+def test_what_is_on_no_list_is_corrected_by_a_reading_that_holds(searched, wrong):
+    found, of = searched
     soft = of[frozenset(["mullins_softening"])]
 
     def heldout(account):  # as whitened, along tangents, as before
@@ -127,9 +126,9 @@ def test_what_predicts_no_better_than_the_base_corrects_nothing(tmp_path):
     assert told.account is base
 
 
-def test_a_part_explained_is_corrected_by_the_reading_that_predicts_best(softened):
+def test_a_part_explained_is_corrected_by_the_reading_that_predicts_best(searched):
     # Friction is sure, softening beside it as likely as not, and something is left.
-    found, of = softened
+    found, of = searched
     rough = of[frozenset(["friction_hysteresis"])]
     both = of[frozenset(["friction_hysteresis", "mullins_softening"])]
     shares = [(found.accounts[0], 0.02), (rough, 0.5), (both, 0.48)]
@@ -219,7 +218,9 @@ def test_a_gap_too_small_for_any_recording_is_seen_in_all_together(tmp_path):
     assert diagnose(case).result["candidates"][1]["effect"] == "slack"
 
 
-@pytest.mark.xfail(reason="slack leads but is not sure enough to be named")
+@pytest.mark.xfail(
+    strict=True, reason="slack is the first candidate, below the probability of a name"
+)
 def test_a_gap_too_small_for_any_recording_is_named(tmp_path):
     law, gap = effect("slack"), 0.0012
     slack = Term(law, law.defaults() | {"gap": np.full(5, gap)})
@@ -239,12 +240,6 @@ def test_a_load_cell_cut_off_at_zero_has_the_noise_of_the_others(tmp_path):
     case = read_case(write_case(tmp_path / "cut", stress=stress, noise=0.0))
     cut, *others = baseline(to_data(case), "pl-wiechert").noise
     assert cut.floor_MPa > 0.3 * min(n.floor_MPa for n in others)
-
-
-def test_softening_is_said_to_have_been_left_out(tmp_path):
-    found = diagnose(read_case(write_case(tmp_path / "soft", [mullins()]))).result
-    assert found["verdict"] == "explained"
-    assert found["explanations"][0]["probability"] > 0.9
 
 
 def alone(base, law):
@@ -375,13 +370,16 @@ def test_constant_strain_and_one_recording_are_allowed(tmp_path):
 
 def test_a_clock_may_run_on_and_repeat_the_last_sample(tmp_path):
     folder = write_case(tmp_path, toml='history = "continued"\n')
+    first, second, *others = sorted((folder / "recordings").glob("*.csv"))
+    for file in others:  # two are enough for a clock that runs on
+        file.unlink()
     begins = 0.0
-    for file in sorted((folder / "recordings").glob("*.csv")):
+    for file in (first, second):
         table = pd.read_csv(file)
         table["time_s"] += begins
         begins = table["time_s"].iloc[-1]
         table.to_csv(file, index=False)
-    assert 0 < diagnose(read_case(folder)).result["fit"]["after"]["nrmse"] < 0.1
+    assert 0 < diagnose(read_case(folder)).result["fit"]["after"]["nrmse"] < 0.01
 
 
 def test_a_diagnosis_keeps_to_one_blas_thread(tmp_path, monkeypatch):

@@ -117,6 +117,7 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_every_effect_has_its_page_with_its_formulas_drawn(site):
     for law in EFFECTS:
         text = (site / "gallery" / f"{law.id}.html").read_text()
@@ -126,6 +127,7 @@ def test_every_effect_has_its_page_with_its_formulas_drawn(site):
         assert ("<math" in text) == (".. math::" in type(law).__doc__)
 
 
+@pytest.mark.slow
 def test_nothing_on_a_page_is_fetched(site):
     for page in site.rglob("*.html"):
         for tag in re.findall(r"<(?:script|link|img|iframe)\b[^>]*>", page.read_text()):

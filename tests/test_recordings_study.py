@@ -11,6 +11,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from recordings_made import SPRING, STIFFNESS, triangle
+from smoke import smoked
 
 from bench.recordings import groups, predict, reporting, sets, trial
 from bench.recordings.rows import Row, agreement, made_of, met
@@ -169,10 +170,10 @@ def test_a_device_is_read_as_force_about_its_middle(tmp_path):
 # --- the command ----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert trial.main(["--smoke"]) == 0
-    found = json.loads((tmp_path / "mlruns/smoke/results/recordings.json").read_text())
+    found = smoked("recordings")["recordings"]
     head = found["headline"]
     assert head["groups_in_agreement"] == head["groups"] == 1
     assert head["faults_found"] == 1.0

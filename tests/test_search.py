@@ -158,6 +158,7 @@ print(done)
 """
 
 
+@pytest.mark.slow
 def test_kill_9_loses_no_finished_trial_and_repeats_none(tmp_path):
     log = tmp_path / "log"
     command = [sys.executable, "-c", CHILD, address(tmp_path), str(log)]

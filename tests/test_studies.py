@@ -1,6 +1,5 @@
 """Every study runs; the network studies resume, report and refuse as they should."""
 
-import importlib
 import json
 import os
 import pkgutil
@@ -17,8 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from smoke import FOLDER, smoked
 
-import studies
 from softnn import Recording
 from softnn.contracts import InputError
 from softnn.neural import device_of
@@ -32,7 +31,6 @@ from studies import neurons
 from studies.shown.neurons import published
 
 ROOT = Path(__file__).parents[1]
-FOLDER = Path(studies.__path__[0])
 NAMES = sorted(
     module.name
     for module in pkgutil.iter_modules([str(FOLDER)])
@@ -41,25 +39,23 @@ NAMES = sorted(
 )
 
 
-@pytest.mark.parametrize("name", NAMES)
+# These have a test of their own that runs the smoke and asks more of it.
+ELSEWHERE = {
+    name
+    for file in Path(__file__).parent.glob("test_*.py")
+    for name in re.findall(r'smoked\("(\w+)"\)', file.read_text())
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in ELSEWHERE])
 def test_every_study_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    before = _contents(FOLDER / "results")
-    study = importlib.import_module(f"studies.{name}")
-    assert study.main(["--smoke"]) == 0
-    assert _contents(FOLDER / "results") == before, "--smoke touched real results"
-    if "?" not in study.__doc__.split("\n\n")[0]:
-        return  # a tool: it answers no question, and has no result to write
-    found = list((tmp_path / "mlruns" / "smoke" / "results").glob("*.json"))
-    assert found, "a study ends in write_result"
-    for path in found:
-        headline = json.loads(path.read_text())["headline"]
-        assert headline
-        assert not any(isinstance(v, dict | list) for v in headline.values())
+    smoked(name)
 
 
-def _contents(folder: Path) -> dict[str, int]:
-    return {f.name: f.stat().st_mtime_ns for f in folder.glob("*")}
+def test_smokes_that_run_elsewhere_are_of_studies():
+    assert set(NAMES) >= ELSEWHERE
 
 
 # --- what a study is made of ----------------------------------------------------------

@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 
 import pytest
-from servers import postgresql
 
 from softnn.contracts import InputError
 from softnn.search import Range, Search
@@ -44,9 +43,8 @@ with Search(sys.argv[1], sys.argv[2], space, **about) as search:
 
 
 @pytest.fixture(scope="module")
-def server():
-    with postgresql() as address:
-        yield address
+def server(database_server):
+    return database_server("together")
 
 
 def worker(address: str, name: str, flag: str = "") -> subprocess.Popen:

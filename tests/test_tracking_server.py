@@ -9,7 +9,7 @@ import urllib.request
 from datetime import datetime, timedelta
 
 import pytest
-from servers import free_port, postgresql
+from servers import free_port
 
 from softnn.tracking import Tracker, fetched, read_run
 
@@ -19,29 +19,29 @@ EXAMPLE = {"time_s": [0.0, 1.0], "strain": [0.0, 0.1]}
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory):
+def server(tmp_path_factory, database_server):
     folder, port = tmp_path_factory.mktemp("server"), free_port()
-    with postgresql() as database:
-        command = [sys.executable, "-W", "ignore", "-m", "mlflow", "server"]
-        command += ["--backend-store-uri", database, "--port", str(port)]
-        command += ["--artifacts-destination", str(folder / "artifacts")]
-        child = subprocess.Popen(
-            [*command, "--host", "127.0.0.1", "--workers", "1"],
-            cwd=folder,
-            env={
-                **os.environ,
-                "MLFLOW_DISABLE_TELEMETRY": "true",
-                "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
-            },
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        try:
-            yield _answering(f"http://127.0.0.1:{port}", child)
-        finally:
-            os.killpg(child.pid, 15)
-            child.wait(30)
+    database = database_server("tracked")
+    command = [sys.executable, "-W", "ignore", "-m", "mlflow", "server"]
+    command += ["--backend-store-uri", database, "--port", str(port)]
+    command += ["--artifacts-destination", str(folder / "artifacts")]
+    child = subprocess.Popen(
+        [*command, "--host", "127.0.0.1", "--workers", "1"],
+        cwd=folder,
+        env={
+            **os.environ,
+            "MLFLOW_DISABLE_TELEMETRY": "true",
+            "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
+        },
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        yield _answering(f"http://127.0.0.1:{port}", child)
+    finally:
+        os.killpg(child.pid, 15)
+        child.wait(30)
 
 
 def _answering(address: str, child: subprocess.Popen) -> str:
