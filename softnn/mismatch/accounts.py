@@ -40,6 +40,7 @@ FEWEST = 3  # recordings, to speak of scatter
 # Nats a sample by which laws may be bent or added to, and yet the account reaches the
 # noise; and beyond which no further search would get there.
 LEAVES, EVIDENT = 0.03, 0.1
+FAR_OFF = 10.0  # times as much, that the best account of two effects may leave
 REFITTED = 4  # iterations, where only the noise has changed
 
 
@@ -124,8 +125,10 @@ def search(
         best = _leaders(a for a in found if len(a.effects) == size and value(a) >= bar)
         for account in best[:count]:
             found += _weighed(weigher, expand(engine, account.fit, pool, LATER))
-    if _discrepancy(weigher, max(found, key=value)) > evident:
-        return Search(base, base.noise, found, False)
+        # A third effect may take up much, so that two may leave more.
+        most = evident if size == len(EXPANDED) else FAR_OFF * evident
+        if _discrepancy(weigher, max(found, key=value)) > most:
+            return Search(base, base.noise, found, False)
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)
