@@ -54,7 +54,7 @@ PULLS = (0.003, 0.03, 0.3)  # towards the constants before, in logarithms
 FAR = 3.0  # of a logarithm, that no constant goes
 FOLDS = 5
 STEPS = (1e-4, 1e-3, 1e-4)  # of derivatives: slopes break where a tail begins
-JUDGING = ("posterior.py", "verdict.py")  # after a search: they change no lesson
+JUDGING = ("posterior.py", "decision.py")  # after a search: they change no lesson
 
 
 def lesson(case: Path, truth: Path) -> list[dict[str, Any]]:

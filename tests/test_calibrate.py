@@ -89,7 +89,7 @@ def test_each_kind_counts_alike_however_many_lessons_it_has():
 def test_the_judgement_is_no_part_of_the_search():
     names = {f"{f.parent.name}/{f.name}" for f in searching()}
     assert {"mismatch/accounts.py", "mismatch/evidence.py", "effects/slack.py"} <= names
-    assert not names & {"mismatch/posterior.py", "mismatch/verdict.py"}
+    assert not names & {"mismatch/posterior.py", "mismatch/decision.py"}
 
 
 def test_lessons_of_folders_of_one_name_are_apart(tmp_path):

@@ -1,4 +1,4 @@
-"""Search by prediction: what is left out, refits without it, choice, and decision."""
+"""Search by prediction: folds, refits without them, choice and decision."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -37,7 +37,7 @@ def left_out(made, specimens=()):
     return {f.recordings: f.by for f in prediction.folds(made, specimens)}
 
 
-# --- what is left out -----------------------------------------------------------------
+# --- folds ----------------------------------------------------------------------------
 
 
 def test_recordings_rates_and_amplitudes_are_left_out_but_never_most_of_them():

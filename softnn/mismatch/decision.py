@@ -1,4 +1,4 @@
-"""What may be said of a search: which effects are named, what corrects, the verdict.
+"""The decision: which effects are named, which candidate corrects, and the verdict.
 
 `decide` is a pure function of a posterior, of errors on recordings left out, and of
 what these recordings can show. It fits nothing; its result is frozen.
@@ -16,7 +16,7 @@ from softnn.mismatch.verify import Heldout
 
 NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
 HELPS = 1 / 3  # of the held-out misfit over the noise, that an explanation takes away
-FEWEST = 30  # samples in all, below which nothing is told apart
+FEWEST = 30  # samples in all; with fewer no effect is named
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Shows:
 class Decision:
     """What is said. `account` corrects the simulation: the base alone where none does.
 
-    `helps`: whether what was selected predicts recordings left out better than the
-    base, by more than a little.
+    `helps`: whether the selected effects predict left-out recordings better than the
+    base does, by more than a little.
     """
 
     names: tuple[str, ...]
@@ -127,7 +127,7 @@ def decide_by_prediction(
         *(judged_apart(h.account) for h in posterior.hypotheses)
     )
     apart = apart & posterior.selected
-    tellable = not shows.few and not (of_material(best.fit) and shows.only_loading)
+    tellable = not (shows.few or shows.only_loading)
     helps = bool(best.effects) and tellable
     wanted = posterior.selected if helps else apart
     if shows.few:
@@ -162,8 +162,8 @@ def _corrects(
     heldout: Callable[[Tried], Heldout],
     shows: Shows,
 ) -> tuple[Tried, Heldout]:
-    """Of the sets that share the probability and hold what is named, the one that
-    predicts best; the base where nothing is named and none predicts better."""
+    """The set that predicts best, of those that share the probability and hold all
+    names; the base where nothing is named and no set predicts better."""
     first = named if names else (base, before)
     tried = [first]
     # What first loading leaves out may be anything; each candidate goes its own way.

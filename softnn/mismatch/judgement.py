@@ -1,4 +1,4 @@
-"""From a fitted base to what is said of it: search, posterior, decision.
+"""From a fitted base to the answer: search, posterior, decision.
 
 The search asks one question first: can any candidate explain the recordings down to the
 noise? If so, the likelihood decides. If not, prediction does (`prediction`).
@@ -32,7 +32,7 @@ from softnn.noise import Noise, estimate
 
 @dataclass(frozen=True)
 class Judgement:
-    """What was tried, what is said of it, and the simulations before and after.
+    """All candidates, the decision, and the simulations before and after correction.
 
     `engine` has the samples of the search, `fine` those of the report; `before` and
     `after` are fits to the latter, without and with what corrects the simulation.
@@ -179,10 +179,10 @@ def _fits(fine: Engine, base: Baseline, decision: Decision) -> tuple[Fit, Fit]:
 
 
 def _noise_left(fine: Engine, best: Fit) -> tuple[list[Noise], float]:
-    """The noise in short windows of what the best candidate leaves, and all of that.
+    """Noise in short windows of the best candidate's residual; RMS of all of it, MPa.
 
-    The noise is an upper bound, at most the root mean square [MPa] of what is left:
-    where samples lie far apart, windows hold some of the misfit too.
+    The noise is an upper bound, at most that RMS: where samples lie far apart, windows
+    hold some of the misfit too.
     """
     residual: Array = fine.target - fine.run(best.guess, False)[0]
     parts, stress = fine.by_recording(residual), fine.data.stress_MPa

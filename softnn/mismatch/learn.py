@@ -34,7 +34,7 @@ MIXED = 8  # times the residual is shuffled, for what noise may show at one peri
 class Learned:
     """A correction of the stress, and what it depends on."""
 
-    correction: Correction | None  # None where it foretells no better than none
+    correction: Correction | None  # None where none predicts better, or nothing tells
     importance: dict[str, float]  # rise of the held-out error when shuffled, relative
     ratio: float  # held-out error with the correction over without
     period: dict[str, Any] | None
@@ -80,7 +80,9 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
     share = rise / (rise.sum() or 1.0)
     order = np.argsort(-share, kind="stable")
     importance = {names[j]: round(float(share[j]), 4) for j in order}
-    correction = Correction(names, whole.network) if ratio < HELPS else None
+    # Stretches of one recording say nothing of the next.
+    holds = ratio < HELPS and len(engine.chunks) > 1
+    correction = Correction(names, whole.network) if holds else None
     return Learned(correction, importance, ratio, found_period)
 
 

@@ -1,9 +1,9 @@
 """Search by prediction: fits in stress, judged on recordings that were left out.
 
 Where no candidate model explains the recordings down to the noise, the likelihood says
-little: all candidates are wrong by far more than the noise, and their evidence compares
-errors that nobody models (the M-open case: Bernardo and Smith 1994). What can still be
-asked is which candidate predicts best. So all samples weigh alike (least squares in
+little (the M-open case: Bernardo and Smith 1994). All candidates are wrong by far more
+than the noise, and their evidence compares errors that nobody models. Which candidate
+predicts best can still be measured. So all samples weigh alike (least squares in
 stress: Tuo and Wu 2015, doi:10.1214/15-AOS1314), and candidates are ranked by their
 error on recordings that the fit did not see. The fit learns nothing from those but the
 scale of a new specimen, which every candidate gets alike.
@@ -60,7 +60,7 @@ class Fold:
 
 @dataclass(frozen=True)
 class Folds:
-    """What is left out in turn; `squares` (folds,) of the measured stress, MPa^2."""
+    """All folds, and the squares (folds,) of the measured stress in each, MPa^2."""
 
     every: tuple[Fold, ...]
     squares: Array
@@ -145,11 +145,11 @@ def best(found: Sequence[Candidate]) -> Candidate:
     return min(safe, key=lambda c: c.score + SAME * len(c.effects))
 
 
-# --- what is left out -----------------------------------------------------------------
+# --- folds ----------------------------------------------------------------------------
 
 
 def folds(engine: Engine, specimens: Sequence[tuple[int, ...]]) -> list[Fold]:
-    """What is left out in turn: specimens or recordings, rates, amplitudes, programmes.
+    """Folds by specimen or recording, by rate, by amplitude and by programme.
 
     `specimens` are the recordings of each, where somebody wrote them down. Never more
     than half of the recordings are left out. Of a single recording five stretches are.
@@ -393,8 +393,9 @@ def posterior(found: Sequence[Candidate]) -> Posterior:
     """Probability of each set of effects, by how well it predicts.
 
     log P(S) = - sharpness times the score of S - `PRICE` for each effect. No set
-    reaches the noise, so that something which is not on the list may be behind all of
-    it: the more so, the more of the error of the base the best set leaves.
+    reaches the noise, so the cause may be an effect that is not on the list. Its
+    probability is the share of the error of the base that the best set leaves, to the
+    power `OTHER`.
     """
     base, *rest = found
     hypotheses = [Hypothesis(base), Hypothesis(base, True), *map(Hypothesis, rest)]
