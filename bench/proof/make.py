@@ -8,6 +8,7 @@ not been run is said to be so.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from bench.proof.concealed import concealed
 from bench.proof.limits import limits
 from bench.proof.others import cost, recordings, rivals
 from bench.proof.page import MADE, OTHER, Page
+from bench.recordings import history
+from bench.reporting import between
 from softnn.study.common import RESULTS, RUNS, guarded, parser
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -32,12 +35,23 @@ def make(results: Path, folder: Path) -> Path:
     page = Page(results, folder)
     page.say("# The proof", MADE)
     page.say("Cases made by other hands, and all that was ever opened: " + OTHER)
+    page.section("Real recordings", "recordings", recordings)
     page.section("What was concealed", "concealed", concealed)
     page.section("How small it may be", "limits", limits)
     page.section("Other methods on the same cases", "rivals", rivals)
-    page.section("Real recordings", "recordings", recordings)
     page.section("What it costs", "cost", cost)
     return page.write()
+
+
+MARK = "<!-- made by python -m studies.proof -->"
+
+
+def into_readme(results: Path, file: Path) -> None:
+    """Write the history of predictions of real recordings between the file's marks."""
+    made = json.loads((results / "recordings.json").read_text(encoding="utf-8"))
+    text = file.read_text(encoding="utf-8")
+    shown = f"{history.table(made['history'])}\n\n{history.ABOUT}"
+    file.write_text(between(MARK, text, shown), encoding="utf-8")
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -51,4 +65,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.proof`; returns the exit code."""
     a = make_parser().parse_args(argv)
     folder = a.out or (RUNS / "smoke" / "docs" if a.smoke else DOCS)
-    return guarded(lambda: print(f"written to {make(a.results, folder)}"))
+
+    def work() -> None:
+        print(f"written to {make(a.results, folder)}")
+        if folder == DOCS:
+            into_readme(a.results, DOCS.parent / "README.md")
+
+    return guarded(work)

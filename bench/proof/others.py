@@ -8,6 +8,7 @@ from typing import Any
 from bench.cost import cost_figure
 from bench.proof.concealed import strength_of, trials_of
 from bench.proof.page import Page, Result
+from bench.recordings import history
 from bench.reporting import share
 from bench.rivals import table
 from softnn.models.units import BASES
@@ -94,6 +95,8 @@ def recordings(page: Page, found: Result) -> None:
         f"from first loading alone, is missed by {medians[0] or '-'} by the base and "
         f"by {medians[1] or '-'} with what was named (medians)."
     )
+    if found.get("history"):
+        page.say(history.ABOUT, history.table(found["history"]))
     if len(found.get("bases", {})) > 1:
         page.say("Each base leaves other physics out:", bases(found["bases"]))
     rows = []

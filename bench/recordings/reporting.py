@@ -12,6 +12,7 @@ import numpy as np
 
 from bench.recordings.faults import CONTROL
 from bench.recordings.groups import Group
+from bench.recordings.history import entry, extended
 from bench.recordings.rows import (
     MAIN,
     Row,
@@ -58,11 +59,14 @@ def report(
     untouched = [r for r in rows if r.kind != "fault"]
     copies = [r for r in rows if r.kind == "fault"]
     faults = fault_scores(copies) if copies else None
+    history: list[Any] = []
     if not partial and not a.smoke:
         before = kept(folder / "recordings.json", a.bases, groups)
         untouched += before["rows"]
         faults = faults or before["faults"]
         main = MAIN if any(r.base == MAIN for r in untouched) else main
+        mine = [r for r in untouched if r.base == main]
+        history = extended(before["history"], entry(mine, material, made_of(mine)))
     note = "\n\n".join(tables(untouched, material, faults, main))
     print(note)
     # Made faults of an earlier run are no headline of this one.
@@ -81,6 +85,7 @@ def report(
         ],
         "bases": by_base(untouched, material),
         "faults": faults,
+        "history": history,
     }  # fmt: skip
     path = write_result(
         "recordings", head, body, seed=a.seed, data={"all": digest}, folder=folder

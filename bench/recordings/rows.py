@@ -94,12 +94,12 @@ def made_of(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def kept(file: Path, bases: Sequence[str], groups: Sequence[Group]) -> dict[str, Any]:
-    """Rows of other bases than `bases` and made faults in an earlier result.
+    """Rows of other bases than `bases`, made faults and history of an earlier result.
 
     They state their own commits.
     """
     if not file.exists():
-        return {"rows": [], "faults": None}
+        return {"rows": [], "faults": None, "history": []}
     told = json.loads(file.read_text(encoding="utf-8"))
     here = {(g.set, g.name) for g in groups}
     rows = [
@@ -108,7 +108,7 @@ def kept(file: Path, bases: Sequence[str], groups: Sequence[Group]) -> dict[str,
         if r["base"] not in bases and (r["set"], r["group"]) in here
     ]
     faults = told["faults"] and {**provenance_of(told), **told["faults"]}
-    return {"rows": rows, "faults": faults}
+    return {"rows": rows, "faults": faults, "history": told.get("history", [])}
 
 
 def agreement(row: Row, material: Material) -> dict[str, Any]:
