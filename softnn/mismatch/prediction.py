@@ -35,8 +35,8 @@ MOST_FOLDS = (
 )
 IGNORED = 1e6  # times the usual deviation: a sample that no fit sees
 BEAM = (3, 2)  # candidates of one, two effects that are given one more
-FINALISTS = 4  # of each number of effects, that are refitted without each fold
-REFITTED = 4  # iterations of such a refit
+FINALISTS = 5  # of each number of effects, that are refitted without each fold
+REFITTED = 6  # iterations of such a refit
 FLOOR = 0.001  # of the stress: a smaller error is as good as none
 SHARP = 25.0  # log odds for each unit of the logarithm of the error
 PRICE = 2.5  # log odds against each effect: a tenth of the error
