@@ -101,7 +101,7 @@ def test_all_effects_at_once_over_a_hundred_thousand_steps(tmp_path):
     assert_same(got, want)
 
 
-def test_values_of_other_recordings_are_off(tmp_path):
+def test_other_recordings_have_the_values_of_recordings_not_met(tmp_path):
     model, chunk = with_effects(piece(effect("zero_offset"))), history(500)
     got, _ = Compiled(tmp_path, model).run(chunk)
     assert_same(got, model.stress(["other"], [chunk], [None])[0])

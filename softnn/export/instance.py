@@ -191,8 +191,8 @@ def _places(model: Stored, i: int, options: Options) -> dict[str, Any]:
     law, own = model.pieces[i].effect, model.own[i]
     values: dict[str, Any] = dict(model.pieces[i].values)
     for key in law.per_recording:  # as `Stored.stress` takes them
-        plain = law.off.get(key, values[key])
-        values[key] = own.get(key, {}).get(options.recording or "", plain)
+        known = own.get(key, {})
+        values[key] = known.get(options.recording or "", values[key])
     law.prepare(values)
     if isinstance(law, FrictionHysteresis) and not isinstance(law, BoucWen):
         # Elements that slide one after the other.
