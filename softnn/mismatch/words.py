@@ -20,7 +20,7 @@ def summary(result: dict[str, Any], told: Judgement) -> str:
         noise = percent(result["fit"]["noise_nrmse"])
         said += (
             " No known effect explains these recordings down to the noise "
-            f"({noise} at most), so that error of prediction was compared."
+            f"({noise} at most); sets of effects were compared by their predictions."
         )
     return said
 
@@ -83,10 +83,8 @@ def _named(result: dict[str, Any], told: Judgement, falls: str, noise: str) -> s
         return f"{opened(said)} (noise {noise}).{more}{_otherwise(told)}"
     said = f"Most likely {named} ({_sure(chance)})."
     if chance >= SURE:
-        said = (
-            f"{opened(named)} {'was' if one else 'were'} left out ({_sure(chance)}), "
-            f"{effect(told.names[0]).where}."
-        )
+        said = f"{opened(named)} {'was' if one else 'were'} left out ({_sure(chance)})"
+        said += f", {effect(told.names[0]).where}." if one else "."
     fit, it = result["fit"], "it" if one else "them"
     if told.decision.account.effects > set(told.names):  # of readings with it the best
         it = _effects(sorted(told.decision.account.effects))
