@@ -35,7 +35,7 @@ from bench.concealed.settings import Setting
 from bench.concealed.trial import check_names
 from softnn.contracts import InputError
 from softnn.database import Store
-from softnn.mismatch import accounts, base
+from softnn.mismatch import accounts, base, prediction
 from softnn.mismatch.case import read_case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.study.common import (
@@ -135,7 +135,10 @@ def pool_of(names: Sequence[str]) -> Iterator[None]:
     def fewer(*arguments: Any) -> Any:
         return [e for e in usual(*arguments) if e.id in names]
 
-    with mock.patch.object(accounts, "candidates", fewer):
+    with (
+        mock.patch.object(accounts, "candidates", fewer),
+        mock.patch.object(prediction, "candidates", fewer),
+    ):
         yield
 
 
