@@ -134,8 +134,8 @@ def test_a_fold_of_an_end(path, use):
     hold("random", found, again, end["folds_random"][:1], RELATIVE)
 
 
-# Their training has not settled when it ends, so that a fold depends on rounding by more
-# than eight copies of it show.
+# Their training has not settled when it ends: rounding moves a fold by more than eight
+# copies of it show.
 UNSETTLED = {("architectures-EPR", "random"), ("architectures-SR", "random")}
 
 
