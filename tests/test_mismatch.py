@@ -219,7 +219,8 @@ def test_a_gap_too_small_for_any_recording_is_seen_in_all_together(tmp_path):
 
 
 @pytest.mark.xfail(
-    strict=True, reason="slack is the first candidate, below the probability of a name"
+    strict=True,
+    reason="issue 53: slack is the first candidate, below the probability of a name",
 )
 def test_a_gap_too_small_for_any_recording_is_named(tmp_path):
     law, gap = effect("slack"), 0.0012

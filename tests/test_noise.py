@@ -68,7 +68,8 @@ def test_memory_that_is_long_beside_a_window_is_not_overstated():
 
 
 @pytest.mark.xfail(
-    strict=True, reason="the noise model has two parts for one in one draw of twelve"
+    strict=True,
+    reason="issue 53: the noise model has two parts for one in one draw of twelve",
 )
 def test_memory_that_is_long_is_overstated_in_no_draw():
     assert max(slow_noise()[1]) < 1.35

@@ -115,7 +115,8 @@ def test_cyclic_recordings_name_no_physics_of_the_material(found):
 
 
 @pytest.mark.xfail(
-    strict=True, reason="the diagnosis names an offset for the error of the network"
+    strict=True,
+    reason="issue 53: the diagnosis names an offset for the error of the network",
 )
 def test_cyclic_recordings_name_nothing_at_all(found):
     assert found.selected == []
