@@ -167,18 +167,30 @@ def test_two_effects_are_both_named(tmp_path):
     assert sorted(found.result["selected"]) == ["mullins_softening", "sensor_lag"]
 
 
-def test_what_is_on_no_list_is_named_after_nothing_on_it(tmp_path):
-    # Wear with the time under load, by a law of its own: nearest come drift and slip.
-    worn = []
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory):
+    """Wear with the time under load, by a law of its own: no effect here."""
+    stress = []
     for c, s in zip(
         histories(), simulate(UNITS, STIFFNESS, [], histories()), strict=True
     ):
         wear = np.concatenate([[0], np.cumsum(np.diff(c.time_s) * c.strain[1:] ** 2)])
-        worn.append(s * np.exp(-0.03 * wear))
-    found = diagnose(read_case(write_case(tmp_path / "worn", stress=worn)))
-    assert found.result["verdict"] in ("unexplained", "undetermined")
-    # What predicts best may be named, but nothing is sure where none reaches the noise.
-    assert max(found.probability.values()) < 0.9
+        stress.append(s * np.exp(-0.03 * wear))
+    folder = tmp_path_factory.mktemp("worn")
+    return diagnose(read_case(write_case(folder, stress=stress)))
+
+
+def test_what_is_on_no_list_is_named_after_nothing_with_confidence(worn):
+    assert worn.verdict in ("unexplained", "undetermined")
+    assert max(worn.probability.values()) < 0.9
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="issue 53: the set that predicts best is named, though not with confidence",
+)
+def test_what_is_on_no_list_is_named_after_nothing_on_it(worn):
+    assert worn.selected == []
 
 
 def test_offsets_in_two_recordings_are_told_by_name(tmp_path):
@@ -324,6 +336,9 @@ def test_a_simulation_from_elsewhere_is_kept_as_it_is(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(
+    strict=True, reason="issue 53: friction is named, at 0.57, for a bump on loading"
+)
 def test_what_is_on_no_list_is_not_named_with_confidence(tmp_path):
     chunks = histories()
     clean = simulate(UNITS, STIFFNESS, [], chunks)
@@ -336,8 +351,7 @@ def test_what_is_on_no_list_is_not_named_with_confidence(tmp_path):
         )
     result = diagnose(read_case(write_case(tmp_path / "odd", stress=odd))).result
     assert result["verdict"] != "nothing_missing"
-    # The set that predicts best may be named, but not with confidence.
-    assert all(e["probability"] < 0.9 for e in result["explanations"])
+    assert all(e["probability"] < 0.5 for e in result["explanations"])
 
 
 @pytest.mark.parametrize("n", [4, 10, 25])
