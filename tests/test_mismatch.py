@@ -27,6 +27,7 @@ def test_nothing_concealed_is_nothing_missing(tmp_path):
     found = diagnose(read_case(write_case(tmp_path / "null")))
     assert found.result["verdict"] == "nothing_missing"
     assert found.result["selected"] == []
+    assert found.result["judged_by"] == "likelihood"
     assert found.result["mismatch"] == []
     assert found.result["fit"]["heldout_ratio"] == 1.0
 

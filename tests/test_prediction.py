@@ -128,6 +128,26 @@ def test_a_stored_model_gives_new_recordings_the_mean_gap_and_no_fault():
     np.testing.assert_allclose(stress, expected, rtol=1e-9)
 
 
+def test_a_single_loop_does_not_tell_softening_from_viscosity():
+    loops, twice = engine(([0, 0.9, 0],) * 3, (0.1,) * 3), engine()
+    assert "MullinsSoftening" in prediction._own_forms(loops)
+    assert "MullinsSoftening" not in prediction._own_forms(twice)
+
+
+def test_a_limit_takes_part_only_where_readings_stay_at_it():
+    made = engine()
+    assert "LoadCellSaturation" in prediction._own_forms(made)
+    clipped = tuple(np.minimum(s, 0.8) for s in made.data.stress_MPa)
+    cut = Engine(replace(made.data, stress_MPa=clipped))
+    assert "LoadCellSaturation" not in prediction._own_forms(cut)
+
+
+def test_faults_of_single_recordings_take_no_part_but_a_gap_does():
+    out = prediction._own_forms(engine())
+    assert {"ZeroOffset", "GainError", "GripSlip", "OwnDrift"} <= out
+    assert not {"Slack", "LoadCellDrift", "SensorLag"} & out
+
+
 # --- choice ---------------------------------------------------------------------------
 
 
