@@ -335,6 +335,12 @@ class Effect(ABC):
         """
         return None
 
+    def possible(
+        self, values: Mapping[str, Any], chunks: Sequence[Chunk], stress: Sequence[Array]
+    ) -> NDArray[np.bool]:
+        """In which recordings (n,) the effect can be what these values say."""
+        return np.ones(len(chunks), bool)
+
     def within(self, scales: Scales) -> Effect:
         """The same law, its ranges narrowed to what such recordings could show."""
         return self

@@ -134,6 +134,16 @@ class GripSlip(Effect):
             "duration_s": float(np.clip(np.median(loading), 1e-3, 1e5)),
         }
 
+    def possible(self, values, chunks, stress):
+        """A specimen that bears no load yet cannot slip: it hangs loose."""
+        moments = np.broadcast_to(values["moment_s"], len(chunks))
+        return np.array(
+            [
+                float(moment) > _loaded(c, s)
+                for moment, c, s in zip(moments, chunks, stress, strict=True)
+            ]
+        )
+
     def telltale(self):
         return cycles([0.5, 0.5, 0.6, 0.6], 0.05)
 
@@ -164,7 +174,7 @@ class CreepingGrip(GripSlip):
     shape = ()
     some = False
     where = "little by little, at large strain the most"
-    within = Effect.within
+    within, possible = Effect.within, Effect.possible
 
     def before(self, p, signal, state):
         from softnn.effects._kernels import flow
@@ -196,6 +206,12 @@ class CreepingGrip(GripSlip):
 
     def closer(self, scales):
         return []
+
+
+def _loaded(chunk: Chunk, stress: Array) -> float:
+    """Seconds until a specimen bears `YIELDS` of its largest load."""
+    load = np.nan_to_num(np.abs(stress - stress[np.isfinite(stress)][0]))
+    return float(chunk.time_s[np.argmax(load >= YIELDS * load.max())] - chunk.time_s[0])
 
 
 def _jump(chunk: Chunk, stress: Array) -> tuple[float, float]:

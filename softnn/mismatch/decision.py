@@ -128,7 +128,7 @@ def decide_by_prediction(
     )
     apart = apart & posterior.selected
     tellable = not (shows.few or shows.only_loading)
-    helps = bool(best.effects) and tellable
+    helps = bool(best.effects - apart) and tellable
     wanted = posterior.selected if helps else apart
     if shows.few:
         wanted = frozenset()

@@ -13,7 +13,7 @@ import numpy as np
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, fit
-from softnn.mismatch import locate, prediction, replicates, verify, zeros
+from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
 from softnn.mismatch.base import Baseline, live, weigh_by
 from softnn.mismatch.decision import (
@@ -26,8 +26,10 @@ from softnn.mismatch.decision import (
 from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import Posterior, Tried, posterior
 from softnn.mismatch.prediction import Candidate
-from softnn.mismatch.replicates import Replicates
 from softnn.noise import Noise, estimate
+
+
+ROUNDS = 3  # of searches; each but the last has found a fault between replicates
 
 
 @dataclass(frozen=True)
@@ -96,12 +98,12 @@ def by_likelihood(found: Search) -> Judgement:
     """The judgement where some candidate explains the recordings down to the noise."""
     base, engine = found.base, found.base.engine
     probable = with_mistakes(posterior(found.accounts), engine)
-    own = replicates.apart(engine, probable), zeros.apart(engine)
-    for one in own:
-        probable = one.asked(probable)
+    own = replicates.stand_out(engine, probable) + zeros.at_rest(engine)
+    for fault in own:
+        probable = faults.asked(probable, fault, engine)
 
     def judged_apart(account: Tried) -> frozenset[str]:
-        return mistaken(account.fit).union(*(one.said(account.fit) for one in own))
+        return mistaken(account.fit) | faults.named(own, account.fit)
 
     decision = decide(
         probable,
@@ -128,18 +130,31 @@ def by_likelihood(found: Search) -> Judgement:
 
 
 def by_prediction(base: Baseline) -> Judgement:
-    """The judgement where no candidate explains the recordings down to the noise."""
+    """The judgement where no candidate explains the recordings down to the noise.
+
+    Faults of single recordings come first: all candidates have those that are likely.
+    What replicates show is seen beside the best candidate, which is searched for anew
+    without it.
+    """
     engine = base.engine
-    found = prediction.search(base)
-    best = prediction.best(found)
-    probable = with_mistakes(prediction.posterior(found), engine)
-    faults = prediction.faults(base, best) if Replicates(engine).groups else []
-    own = replicates.apart(engine, probable, faults), zeros.apart(engine)
-    for one in own:
-        probable = one.asked(probable)
+    own = zeros.at_rest(engine) + faults.at_limit(engine)
+    for _ in range(ROUNDS):
+        known = [f for f in own if f.likely]
+        found = prediction.search(base, [f.piece for f in known])
+        best, bare = prediction.best(found), prediction.alone(base, found)
+        probable = prediction.posterior(found, bare)
+        more = replicates.stand_out(engine, probable, prediction.faults(base, best))
+        more = [f for f in more if f.effect not in {f.effect for f in own}]
+        own += more
+        if not any(f.likely for f in more):
+            break
+    probable = with_mistakes(probable, engine)
+    for fault in own:
+        share = faults.spared if fault in known else faults.asked
+        probable = share(probable, fault, engine)
 
     def judged_apart(account: Tried) -> frozenset[str]:
-        return mistaken(account.fit).union(*(one.said(account.fit) for one in own))
+        return mistaken(account.fit) | faults.named(own, account.fit)
 
     def heldout(account: Tried) -> verify.Heldout:
         assert isinstance(account, Candidate)
@@ -147,8 +162,8 @@ def by_prediction(base: Baseline) -> Judgement:
 
     decision = decide_by_prediction(
         probable,
-        found[0],
-        best,
+        bare,
+        replace(best, given=frozenset()),
         heldout,
         _shows(engine),
         judged_apart,
@@ -160,7 +175,7 @@ def by_prediction(base: Baseline) -> Judgement:
     return Judgement(
         base,
         noise,
-        found,
+        [bare, *(replace(c, given=frozenset()) for c in found)],
         probable,
         decision,
         fine,

@@ -17,8 +17,8 @@ from scipy.special import logsumexp
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Guess, fit
 from softnn.mismatch.accounts import FEWEST
-from softnn.mismatch.apart import asked_apart
 from softnn.mismatch.evidence import SCATTER_PRIOR
+from softnn.mismatch.faults import shared
 from softnn.mismatch.posterior import Posterior
 from softnn.mismatch.screen import clipped
 from softnn.mismatch.specimens import UNSAID, estimated, marginal
@@ -117,4 +117,4 @@ def with_mistakes(probable: Posterior, engine: Engine) -> Posterior:
             return None
         return float(chance.sum()), fit(engine, guess, fixed_base=fixed, iterations=0)
 
-    return asked_apart(probable, ask)
+    return shared(probable, ask)

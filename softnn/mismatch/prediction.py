@@ -12,7 +12,7 @@ scale of a new specimen, which every candidate gets alike.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -21,10 +21,19 @@ from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk
 from softnn.effects import EFFECTS
-from softnn.fit import Engine, Fit, Guess, fit
+from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline
-from softnn.mismatch.candidates import FIRST, FORMS, LATER, candidates, expand, names
+from softnn.mismatch.candidates import (
+    FIRST,
+    FORMS,
+    LATER,
+    candidates,
+    expand,
+    names,
+    refine,
+)
 from softnn.mismatch.posterior import Hypothesis, Posterior
+from softnn.mismatch.screen import only
 from softnn.mismatch.verify import Heldout, without_rows
 from softnn.state import BRANCHES, phases
 
@@ -46,6 +55,7 @@ SAME = 0.01  # of a logarithm, that a further effect has to win where it only co
 HARM = 0.05  # of a logarithm, by which the base may be better by chance
 AGAIN = 0.3  # of the largest strain, that a reloading has to cover
 SINGLE = ("specimen", "recording", "stretch")  # folds in which each sample is once
+RESCALED = 4  # steps to the scale of a new specimen
 MOVING, HELD = 0.3, 0.05  # of the usual speed, above and below
 
 
@@ -80,7 +90,8 @@ class Candidate:
     """A set of effects, its best fit to all recordings, and its error in each fold.
 
     `errors` (folds,) are sums of squares, MPa^2: of fits made anew without each fold
-    where `refitted`, else of one Gauss-Newton step from the fit to all.
+    where `refitted`, else of one Gauss-Newton step from the fit to all. `given` are
+    the faults that all candidates have.
     """
 
     fit: Fit
@@ -88,11 +99,12 @@ class Candidate:
     folds: Folds
     refitted: bool = False
     seconds: float = 0.0
+    given: frozenset[str] = frozenset()
 
     @property
     def effects(self) -> frozenset[str]:
-        """Ids of the effects."""
-        return frozenset(names(self.fit))
+        """Ids of the effects, without the faults that all candidates have."""
+        return frozenset(names(self.fit)) - self.given
 
     @property
     def nrmse(self) -> Array:
@@ -233,11 +245,12 @@ def without(engine: Engine, rows: NDArray[np.bool]) -> Iterator[None]:
         weigh_alike(engine)
 
 
-def unmet(guess: Guess, fold: Fold) -> Guess:
+def unmet(guess: Guess, fold: Fold, known: Mapping[str, Piece]) -> Guess:
     """The guess for recordings that it has not met: as the others are on average.
 
     What a piece has of its own in recordings of the fold becomes the mean of the
-    others, or what the same specimen has in them, and is no longer free.
+    others, or what the same specimen has in them, and is no longer free. Faults are
+    as `known`: no candidate learns anything else from them.
     """
     gone = set(fold.recordings)
     if not gone:
@@ -249,6 +262,9 @@ def unmet(guess: Guess, fold: Fold) -> Guess:
             array = np.array(values[name], float)
             rest = [r for r in range(len(array)) if r not in gone]
             for r in gone:
+                if not piece.nuisance and piece.effect.id in known:
+                    array[r] = known[piece.effect.id].values[name][r]
+                    continue
                 same = [q for g in piece.groups if r in g for q in g if q not in gone]
                 array[r] = array[same or rest].mean()
             values[name] = array
@@ -266,23 +282,61 @@ def missed(
     A specimen that is new there gets the scale that suits it best, as nothing else
     could tell it.
     """
-    stress, gone = engine.run(guess, False)[0], set(fold.recordings)
-    new = {r for one in specimens if set(one) <= gone for r in one}
+    gone = set(fold.recordings)
+    new = [one for one in specimens if set(one) <= gone]
+    if new and not all(map(scales, guess.pieces)):
+        guess, new = rescaled(engine, guess, new), []
+    stress, free = engine.run(guess, False)[0], {r for one in new for r in one}
     total = 0.0
     for r in np.unique(engine.owner[fold.rows]):
         rows = fold.rows & (engine.owner == r)
         s, y = stress[rows], engine.target[rows]
-        if r in new:
+        if r in free:
             s = s * (float(s @ y) / max(float(s @ s), 1e-300))
         total += float(np.sum((y - s) ** 2))
     return total
 
 
+def scales(piece: Piece) -> bool:
+    """Whether the stress after an effect is in proportion to the stress before it."""
+    return piece.effect.id not in ("load_cell_drift", "zero_offset", "load_cell_saturation")
+
+
+def rescaled(
+    engine: Engine, guess: Guess, new: Sequence[tuple[int, ...]]
+) -> Guess:
+    """The guess with the scales of new specimens that suit them best."""
+    place = next(i for i, p in enumerate(guess.pieces) if p.nuisance)
+    piece = guess.pieces[place]
+    name = piece.effect.amplitude
+    start = 1.0 + np.array(piece.values[name], float)
+
+    def scaled(scale: Array) -> Guess:
+        pieces = list(guess.pieces)
+        pieces[place] = replace(piece, values=piece.values | {name: scale - 1.0})
+        return replace(guess, pieces=tuple(pieces))
+
+    scale = start
+    for _ in range(RESCALED):
+        stress = engine.run(scaled(scale), False)[0]
+        near = scale * np.where(np.isin(np.arange(len(scale)), sum(new, ())), 1.01, 1.0)
+        slope = (engine.run(scaled(near), False)[0] - stress) / 0.01
+        scale = scale.copy()
+        for one in new:
+            rows = np.isin(engine.owner, one)
+            d, miss = slope[rows], (engine.target - stress)[rows]
+            step = float(d @ miss) / max(float(d @ d), 1e-300)
+            scale[list(one)] *= 1 + np.clip(step, -0.5, 1.0)
+    return scaled(scale)
+
+
 class Judge:
     """Says what fits miss of recordings that they did not see."""
 
-    def __init__(self, engine: Engine, base: Guess) -> None:
-        self.engine = engine
+    def __init__(
+        self, engine: Engine, base: Guess, given: frozenset[str] = frozenset()
+    ) -> None:
+        self.engine, self.given = engine, given
         self.specimens = specimens_of(base, len(engine.chunks))
         every = folds(engine, self.specimens)
         squares = [float(np.sum(engine.target[f.rows] ** 2)) for f in every]
@@ -292,8 +346,10 @@ class Judge:
         """A fit with its errors by one step without each fold, or by a real refit."""
         clock, engine = time.perf_counter(), self.engine
         errors = []
+        pieces = found.guess.pieces
+        known = {p.effect.id: p for p in pieces if p.effect.id in self.given}
         for fold in self.folds.every:
-            guess = unmet(without_rows(engine, found, fold.rows), fold)
+            guess = unmet(without_rows(engine, found, fold.rows), fold, known)
             if refit:
                 with without(engine, fold.rows):
                     again = fit(
@@ -302,10 +358,11 @@ class Judge:
                         fixed_base=found.fixed_base,
                         iterations=REFITTED,
                     )
-                guess = unmet(again.guess, fold)
+                guess = unmet(again.guess, fold, known)
             errors.append(missed(engine, guess, fold, self.specimens))
         seconds = time.perf_counter() - clock
-        return Candidate(found, np.array(errors), self.folds, refit, seconds)
+        given = self.given & frozenset(known)
+        return Candidate(found, np.array(errors), self.folds, refit, seconds, given)
 
 
 def ranked(every: Iterable[Candidate]) -> list[Candidate]:
@@ -319,19 +376,23 @@ def ranked(every: Iterable[Candidate]) -> list[Candidate]:
 # --- the search -----------------------------------------------------------------------
 
 
-def search(base: Baseline) -> list[Candidate]:
+def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
     """The sets of effects that predict best, the base alone first; all are refitted.
 
     The engine of the base weighs all samples alike from now on, and its fit is the best
-    one so. Effects of single recordings take no part: they say nothing of others. A gap
-    does, as all strips are mounted alike.
+    one so. All candidates, the base too, have the faults `given`. Other effects of
+    single recordings take no part: they say nothing of others. A gap does, as all
+    strips are mounted alike.
     """
     engine = base.engine
     weigh_alike(engine)
     base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed)
-    judge = Judge(engine, base.fit.guess)
+    start = base.fit
+    for piece in given:
+        start = refine(engine, start, piece)
+    judge = Judge(engine, start.guess, frozenset(p.effect.id for p in given))
     pool = candidates(engine, base.name, base.fixed, _own_forms(engine))
-    found = [judge.judged(base.fit)]
+    found = [judge.judged(start)]
 
     def grown(parents: Sequence[Candidate], most: int, forms: int) -> list[Candidate]:
         fits = [f for c in parents for f in expand(engine, c.fit, pool, most, forms)]
@@ -347,6 +408,13 @@ def search(base: Baseline) -> list[Candidate]:
     for size in range(1, len(BEAM) + 2):
         finalists += [c for c in order if len(c.effects) == size][:FINALISTS]
     return [judge.judged(c.fit, refit=True) for c in finalists]
+
+
+def alone(base: Baseline, found: Sequence[Candidate]) -> Candidate:
+    """The base without any fault."""
+    if not found[0].given:
+        return found[0]
+    return Judge(base.engine, base.fit.guess).judged(base.fit, refit=True)
 
 
 def _own_forms(engine: Engine) -> frozenset[str]:
@@ -376,9 +444,21 @@ def faults(base: Baseline, best: Candidate) -> list[Fit]:
     laws = [
         law
         for law in candidates(engine, base.name, base.fixed)
-        if law.amplitude in law.per_recording and law.id not in best.effects
+        if law.amplitude in law.per_recording and law.id not in names(best.fit)
     ]
-    return expand(engine, best.fit, laws, len(laws), 2)
+    found = expand(engine, best.fit, laws, len(laws), 2)
+    return [one for one in (_possible(engine, f, best.fit) for f in found) if one]
+
+
+def _possible(engine: Engine, found: Fit, best: Fit) -> Fit | None:
+    """The fit, its newest effect in those recordings alone in which it is possible."""
+    data, old = engine.data, set(names(best))
+    new = next(p for p in found.guess.pieces if p.effect.id not in old and not p.nuisance)
+    may = new.effect.possible(new.values, data.chunks, data.stress_MPa)
+    if all(may[list(group)].all() for group in new.groups):
+        return found
+    left = [r for group in new.groups for r in group if may[r]]
+    return refine(engine, best, only(new, np.array(left)), REFITTED) if left else None
 
 
 def _reloads(chunk: Chunk) -> bool:
@@ -389,23 +469,25 @@ def _reloads(chunk: Chunk) -> bool:
     return bool(steps[again & (steps > 0)].sum() > AGAIN * max(size.max(), 1e-12))
 
 
-def posterior(found: Sequence[Candidate]) -> Posterior:
+def posterior(found: Sequence[Candidate], bare: Candidate) -> Posterior:
     """Probability of each set of effects, by how well it predicts.
 
     log P(S) = - sharpness times the score of S - `PRICE` for each effect. No set
     reaches the noise, so the cause may be an effect that is not on the list. Its
     probability is the share of the error of the base that the best set leaves, to the
-    power `OTHER`.
+    power `OTHER`. `bare` is the base without faults.
     """
     base, *rest = found
-    hypotheses = [Hypothesis(base), Hypothesis(base, True), *map(Hypothesis, rest)]
-    log = np.array([h.account.log_odds - PRICE * len(h.effects) for h in hypotheses])
-    weight = np.exp(log - log[1:].max())
-    weight[0] = 0.0
+    log = np.array([c.log_odds - PRICE * len(c.effects) for c in found])
+    weight = np.exp(log - log.max())
     weight /= weight.sum()
     gain = base.score - min(c.score for c in found)
     other = np.exp(-OTHER * gain)
     weight *= 1 - other
-    weight[1] += other
-    beside = np.array([0.0, 0.0, *(1.0 for _ in rest)])
-    return Posterior(tuple(hypotheses), weight, beside)
+    weight[0] += other
+    whole = [replace(c, given=frozenset()) for c in found]
+    unlisted = Hypothesis(whole[0], not base.given)
+    hypotheses = [Hypothesis(bare), unlisted, *map(Hypothesis, whole[1:])]
+    beside = np.ones(len(hypotheses))
+    beside[0], beside[1] = 0.0, float(bool(base.given))
+    return Posterior(tuple(hypotheses), np.concatenate([[0.0], weight]), beside)

@@ -20,8 +20,8 @@ import numpy as np
 from softnn.contracts import Array, Effect
 from softnn.fit import Engine, Fit, Piece, fit, span
 from softnn.mismatch.accounts import REFITTED
-from softnn.mismatch.apart import Apart, on
 from softnn.mismatch.evidence import worth
+from softnn.mismatch.faults import Fault, on
 from softnn.mismatch.posterior import Posterior
 from softnn.mismatch.screen import only
 from softnn.mismatch.specimens import UNSAID, picked
@@ -114,14 +114,16 @@ class Replicates:
         return best, only(piece, np.array(sorted(kept)))
 
 
-def apart(engine: Engine, probable: Posterior, proposed: Sequence[Fit] = ()) -> Apart:
-    """What recordings have apart from their replicates, if any have.
+def stand_out(
+    engine: Engine, probable: Posterior, proposed: Sequence[Fit] = ()
+) -> list[Fault]:
+    """What recordings have that their replicates have not, if any have.
 
     Asked of the fits of the posterior, the likeliest first, and of those `proposed`.
     """
     replicates = Replicates(engine)
     if not replicates.groups:
-        return Apart(engine)
+        return []
     asked: dict[str, tuple[float, Piece]] = {}
     order = np.argsort(-probable.probability, kind="stable")
     likely = [probable.hypotheses[i].account.fit for i in order]
@@ -134,10 +136,10 @@ def apart(engine: Engine, probable: Posterior, proposed: Sequence[Fit] = ()) -> 
             ):
                 asked[piece.effect.id] = replicates.asked(one, index)
     if not asked:
-        return Apart(engine)
+        return []
     every = np.array([0.0, *(odds for odds, _ in asked.values())])
     odds, piece = max(asked.values(), key=lambda pair: pair[0])
-    return Apart(engine, piece, float(np.exp(odds - np.logaddexp.reduce(every))))
+    return [Fault(piece, float(np.exp(odds - np.logaddexp.reduce(every))))]
 
 
 def _own(law: Effect) -> bool:

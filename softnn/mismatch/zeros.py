@@ -15,27 +15,28 @@ from scipy.special import logsumexp
 
 from softnn.contracts import Array
 from softnn.effects import EFFECTS
-from softnn.effects._signs import ZEROS, at_rest, noise
+from softnn.effects._signs import ZEROS, noise
+from softnn.effects._signs import at_rest as stress_at_rest
 from softnn.fit import Engine, Piece
-from softnn.mismatch.apart import Apart, on
 from softnn.mismatch.candidates import shown
 from softnn.mismatch.evidence import MISTAKE
+from softnn.mismatch.faults import Fault, on
 from softnn.mismatch.specimens import UNSAID, picked
 
 SPREADS = 2.0 ** np.arange(8)  # of zeros, over `ZEROS`: less is no news
 
 
-def apart(engine: Engine) -> Apart:
+def at_rest(engine: Engine) -> list[Fault]:
     """The zeros that stand apart from the others, if any do."""
     seen = shown(engine, [law for law in EFFECTS if law.unmoved])
-    return Apart(engine, seen[0], likely(engine, seen[0])) if seen else Apart(engine)
+    return [Fault(piece, likely(engine, piece)) for piece in seen[:1]]
 
 
 def likely(engine: Engine, piece: Piece) -> float:
     """Probability that the zeros in which a piece is on are apart from the others."""
     data = (engine.fine or engine).data
     every = list(zip(data.chunks, data.stress_MPa, strict=True))
-    read = np.array([at_rest(chunk, s) for chunk, s in every])
+    read = np.array([stress_at_rest(chunk, s) for chunk, s in every])
     there = np.isfinite(read)
     own = np.array([noise(s) for _, s in every])[there] ** 2
     those = np.isin(np.flatnonzero(there), list(on(piece)))
