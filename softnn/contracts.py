@@ -336,7 +336,10 @@ class Effect(ABC):
         return None
 
     def possible(
-        self, values: Mapping[str, Any], chunks: Sequence[Chunk], stress: Sequence[Array]
+        self,
+        values: Mapping[str, Any],
+        chunks: Sequence[Chunk],
+        stress: Sequence[Array],
     ) -> NDArray[np.bool]:
         """In which recordings (n,) the effect can be what these values say."""
         return np.ones(len(chunks), bool)

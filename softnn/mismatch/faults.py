@@ -41,7 +41,7 @@ class Fault:
         return self.chance >= NAMED
 
     def said(self, found: Fit) -> frozenset[str]:
-        """The id of the fault, where it is likely and a fit has it in its recordings."""
+        """The id of the fault, if it is likely and a fit has it in its recordings."""
         if not self.likely:
             return frozenset()
         mine = (p for p in found.guess.pieces if p.effect.id == self.effect)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softnn.contracts import Array
-from softnn.fit import Engine, Fit, fit
+from softnn.fit import Engine, Fit, Piece, fit
 from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
 from softnn.mismatch.base import Baseline, live, weigh_by
@@ -26,10 +26,10 @@ from softnn.mismatch.decision import (
 from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import Posterior, Tried, posterior
 from softnn.mismatch.prediction import Candidate
+from softnn.mismatch.replicates import Replicates
 from softnn.noise import Noise, estimate
 
-
-ROUNDS = 3  # of searches; each but the last has found a fault between replicates
+ROUNDS = 2  # of searches; after the first, replicates may show one more fault
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def by_likelihood(found: Search) -> Judgement:
     """The judgement where some candidate explains the recordings down to the noise."""
     base, engine = found.base, found.base.engine
     probable = with_mistakes(posterior(found.accounts), engine)
-    own = replicates.stand_out(engine, probable) + zeros.at_rest(engine)
+    own = replicates.stand_out(engine, probable.best.fit) + zeros.at_rest(engine)
     for fault in own:
         probable = faults.asked(probable, fault, engine)
 
@@ -133,28 +133,42 @@ def by_prediction(base: Baseline) -> Judgement:
     """The judgement where no candidate explains the recordings down to the noise.
 
     Faults of single recordings come first: all candidates have those that are likely.
-    What replicates show is seen beside the best candidate, which is searched for anew
-    without it.
+    What replicates show is asked again beside the best candidate.
     """
     engine = base.engine
-    own = zeros.at_rest(engine) + faults.at_limit(engine)
+    own = {f.effect: f for f in zeros.at_rest(engine) + faults.at_limit(engine)}
+
+    def pieces() -> list[Piece]:
+        return [f.piece for f in own.values() if f.likely]
+
+    def ask(found: Fit) -> bool:
+        """Whether replicates show a fault that was not likely so far."""
+        new = [
+            fault
+            for fault in replicates.stand_out(engine, found)
+            if fault.effect not in own or not own[fault.effect].likely
+        ]
+        own.update({f.effect: f for f in new})
+        return any(f.likely for f in new)
+
+    if Replicates(engine).groups:
+        ask(prediction.sketch(base, pieces()))
     for _ in range(ROUNDS):
-        known = [f for f in own if f.likely]
-        found = prediction.search(base, [f.piece for f in known])
-        best, bare = prediction.best(found), prediction.alone(base, found)
-        probable = prediction.posterior(found, bare)
-        more = replicates.stand_out(engine, probable, prediction.faults(base, best))
-        more = [f for f in more if f.effect not in {f.effect for f in own}]
-        own += more
-        if not any(f.likely for f in more):
+        given = pieces()
+        found = prediction.search(base, given)
+        best = prediction.best(found)
+        if not ask(best.fit):
             break
+    bare = prediction.alone(base, found)
+    probable = prediction.posterior(found, bare)
     probable = with_mistakes(probable, engine)
-    for fault in own:
-        share = faults.spared if fault in known else faults.asked
+    for fault in own.values():
+        carried = any(fault.piece is piece for piece in given)
+        share = faults.spared if carried else faults.asked
         probable = share(probable, fault, engine)
 
     def judged_apart(account: Tried) -> frozenset[str]:
-        return mistaken(account.fit) | faults.named(own, account.fit)
+        return mistaken(account.fit) | faults.named(list(own.values()), account.fit)
 
     def heldout(account: Tried) -> verify.Heldout:
         assert isinstance(account, Candidate)

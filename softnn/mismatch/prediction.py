@@ -33,7 +33,6 @@ from softnn.mismatch.candidates import (
     refine,
 )
 from softnn.mismatch.posterior import Hypothesis, Posterior
-from softnn.mismatch.screen import only
 from softnn.mismatch.verify import Heldout, without_rows
 from softnn.state import BRANCHES, phases
 
@@ -53,6 +52,7 @@ ENOUGH = 3  # specimens or recordings that are left out in turn; fewer say less
 OTHER = 1.5  # power of the share of the error left: odds of something not on the list
 SAME = 0.01  # of a logarithm, that a further effect has to win where it only corrects
 HARM = 0.05  # of a logarithm, by which the base may be better by chance
+SKETCHED = 2  # effects, beside which replicates are compared at first
 AGAIN = 0.3  # of the largest strain, that a reloading has to cover
 SINGLE = ("specimen", "recording", "stretch")  # folds in which each sample is once
 RESCALED = 4  # steps to the scale of a new specimen
@@ -299,12 +299,11 @@ def missed(
 
 def scales(piece: Piece) -> bool:
     """Whether the stress after an effect is in proportion to the stress before it."""
-    return piece.effect.id not in ("load_cell_drift", "zero_offset", "load_cell_saturation")
+    later = "load_cell_drift", "zero_offset", "load_cell_saturation"
+    return piece.effect.id not in later
 
 
-def rescaled(
-    engine: Engine, guess: Guess, new: Sequence[tuple[int, ...]]
-) -> Guess:
+def rescaled(engine: Engine, guess: Guess, new: Sequence[tuple[int, ...]]) -> Guess:
     """The guess with the scales of new specimens that suit them best."""
     place = next(i for i, p in enumerate(guess.pieces) if p.nuisance)
     piece = guess.pieces[place]
@@ -376,6 +375,23 @@ def ranked(every: Iterable[Candidate]) -> list[Candidate]:
 # --- the search -----------------------------------------------------------------------
 
 
+def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
+    """The base with faults `given` and the two effects that take up most, one by one.
+
+    Good enough to compare replicates, as laws are wrong in all of them alike.
+    """
+    engine = base.engine
+    weigh_alike(engine)
+    found = fit(engine, base.fit.guess, fixed_base=base.fixed)
+    for piece in given:
+        found = refine(engine, found, piece)
+    pool = candidates(engine, base.name, base.fixed, _own_forms(engine))
+    for _ in range(SKETCHED):
+        more = expand(engine, found, pool, LATER)
+        found = min([found, *more], key=lambda f: f.chi2)
+    return found
+
+
 def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
     """The sets of effects that predict best, the base alone first; all are refitted.
 
@@ -438,29 +454,6 @@ def _own_forms(engine: Engine) -> frozenset[str]:
     return frozenset(out)
 
 
-def faults(base: Baseline, best: Candidate) -> list[Fit]:
-    """Fits of the best candidate with one fault of single recordings more each."""
-    engine = base.engine
-    laws = [
-        law
-        for law in candidates(engine, base.name, base.fixed)
-        if law.amplitude in law.per_recording and law.id not in names(best.fit)
-    ]
-    found = expand(engine, best.fit, laws, len(laws), 2)
-    return [one for one in (_possible(engine, f, best.fit) for f in found) if one]
-
-
-def _possible(engine: Engine, found: Fit, best: Fit) -> Fit | None:
-    """The fit, its newest effect in those recordings alone in which it is possible."""
-    data, old = engine.data, set(names(best))
-    new = next(p for p in found.guess.pieces if p.effect.id not in old and not p.nuisance)
-    may = new.effect.possible(new.values, data.chunks, data.stress_MPa)
-    if all(may[list(group)].all() for group in new.groups):
-        return found
-    left = [r for group in new.groups for r in group if may[r]]
-    return refine(engine, best, only(new, np.array(left)), REFITTED) if left else None
-
-
 def _reloads(chunk: Chunk) -> bool:
     """Whether a specimen is loaded again, by `AGAIN` of its largest strain or more."""
     size = np.abs(chunk.strain)
@@ -477,7 +470,7 @@ def posterior(found: Sequence[Candidate], bare: Candidate) -> Posterior:
     probability is the share of the error of the base that the best set leaves, to the
     power `OTHER`. `bare` is the base without faults.
     """
-    base, *rest = found
+    base = found[0]
     log = np.array([c.log_odds - PRICE * len(c.effects) for c in found])
     weight = np.exp(log - log.max())
     weight /= weight.sum()

@@ -1,39 +1,46 @@
 """Does a recording stand apart from its replicates?
 
 Recordings of one programme go through the same, and what laws get wrong is the same in
-all of them; what one has alone, a gap or a slip, is not. So what a fit leaves is held
-against what it leaves of replicates, stretch by stretch between turning points, with
-and without what it has of single recordings. Zeros of recordings are free, and scales
-of the first loading, of what comes after, and of what is wrong in all of them.
-The differences are normal, of any variance, with as many independent values as their
-spectrum says (Satterthwaite 1946, doi:10.2307/3002019), so that the odds are those of
-two regressions (Schwarz 1978, doi:10.1214/aos/1176344136).
+all of them; what one has alone, a gap or a slip, is not. So what a fit leaves of each
+is laid along the stretches between turning points, and its differences from the mean
+of the replicates are explained by gaps and slips of single recordings: a regression on
+the change that each would make, forward, as long as the odds grow. Zeros of recordings
+are free, and scales of the first loading, of what comes after, and of what is wrong in
+all of them. The differences that are left are normal, of any variance, with as many
+independent values as their spectrum says (Satterthwaite 1946, doi:10.2307/3002019), so
+that the odds are those of two regressions (Schwarz 1978, doi:10.1214/aos/1176344136).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+from scipy.special import expit, logsumexp
 
-from softnn.contracts import Array, Effect
-from softnn.fit import Engine, Fit, Piece, fit, span
-from softnn.mismatch.accounts import REFITTED
-from softnn.mismatch.evidence import worth
-from softnn.mismatch.faults import Fault, on
-from softnn.mismatch.posterior import Posterior
-from softnn.mismatch.screen import only
+from softnn.contracts import Array, Chunk, Effect
+from softnn.effects import EFFECTS
+from softnn.effects._signs import reach
+from softnn.fit import Data, Engine, Fit, Guess, Piece, span
+from softnn.mismatch.faults import Fault
+from softnn.mismatch.screen import bounds, pieces_at
 from softnn.mismatch.specimens import UNSAID, picked
 from softnn.state import turns
 
 BAND = 0.05  # of the range of strain: less is no turn
 LIKE = 0.15  # of the time, and of the strain, by which replicates may differ
 POINTS = 20  # at which a stretch is looked at
+SEEN = 1e-6  # of the stress, that a change must be
+GRIPS = 0.01  # of the largest strain: what a strain of class 1 is off by, ISO 9513
+SPREADS = 2.0 ** np.arange(-2, 4)  # of what replicates differ by, over `GRIPS`
+APART = (0.03, 0.1, 0.3)  # of the largest strain: sizes of gaps and slips
 
 
 class Replicates:
-    """Recordings of one programme, and what a simulation leaves of each along it."""
+    """Recordings of one programme, and the points along which they are compared."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
@@ -50,101 +57,306 @@ class Replicates:
                 turned[r] = spans, chunk.strain[turn]
         self.groups = _like(turned)
 
-    def spread(self, group: Sequence[int], stress: Array) -> tuple[float, float]:
-        """By what replicates differ in what is left, and how many values that is."""
-        engine = self.engine
+    def along(self, recording: int, values: Array) -> Array:
+        """Values (valid, ...) of a recording at its points (points, ...)."""
+        time, at = self.times[recording], self.at[recording]
+        mine = values[self.engine.owner == recording]
+        after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+        gap = np.maximum(time[after] - time[after - 1], 1e-300)
+        share = np.clip((at - time[after - 1]) / gap, 0.0, 1.0)
+        share = share.reshape(-1, *(1,) * (values.ndim - 1))
+        return np.asarray((1 - share) * mine[after - 1] + share * mine[after])
+
+
+@dataclass(frozen=True)
+class Term:
+    """One change of one recording: the effect, its start, and the recording."""
+
+    effect: str
+    start: int
+    recording: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """Terms, their multiples (terms,) of the starts, and their log odds over none."""
+
+    terms: tuple[Term, ...]
+    sizes: Array
+    odds: float
+
+
+class Group:
+    """What is left of replicates, and what each start would change, both free of what
+    replicates may differ by."""
+
+    def __init__(
+        self,
+        replicates: Replicates,
+        group: Sequence[int],
+        stress: Array,
+        changes: Mapping[str, Array],
+    ) -> None:
+        self.recordings = tuple(group)
+        engine = replicates.engine
         left, measured = (
-            np.array([self._along(r, values) for r in group])
+            np.array([replicates.along(r, values) for r in group])
             for values in (engine.target - stress, engine.target)
         )
         usual = measured.mean(axis=0)
         fresh = np.arange(len(usual)) < POINTS  # and softened: specimens differ in both
         alike = left.mean(axis=0)  # what is wrong scales with the specimen, too
         own = [np.ones_like(usual), usual * fresh, usual * ~fresh, alike]
-        free = span(np.column_stack(own))
-        left = left - alike
-        left -= (left @ free) @ free.T
+        self.free = span(np.column_stack(own))
+        self.left = self._rid(left - alike)
+        self.least = (SEEN * float(np.linalg.norm(usual))) ** 2
+        self.changes = {
+            effect: np.array([self._rid(replicates.along(r, c).T) for r in group])
+            for effect, c in changes.items()
+        }  # (recordings, starts, points)
+
+    def _rid(self, rows: Array) -> Array:
+        return np.asarray(rows - (rows @ self.free) @ self.free.T)
+
+    def column(self, term: Term) -> Array:
+        """The change (recordings, points) that a term makes in the differences."""
+        i = self.recordings.index(term.recording)
+        change = self.changes[term.effect][i, term.start]
+        out = np.tile(-change / len(self.recordings), (len(self.recordings), 1))
+        out[i] += change
+        return out
+
+    def gains(
+        self, effect: str, left: Array, low: Array, high: Array
+    ) -> tuple[Array, Array]:
+        """Best multiple (recordings, starts) of a change of one recording alone.
+
+        And the squares that it takes away.
+        """
+        changes = self.changes[effect]
+        dot = np.einsum("rsp,rp->rs", changes, left)
+        size = (1 - 1 / len(self.recordings)) * (changes**2).sum(axis=-1)
+        by = np.clip(dot / np.where(size > self.least, size, np.inf), low, high)
+        return by, np.asarray(by * (2 * dot - by * size))
+
+    def independent(self, left: Array) -> float:
+        """How many independent values the differences (recordings, points) have."""
         power = (np.abs(np.fft.rfft(left, axis=1)[:, 1:]) ** 2).sum(axis=0)
         if not power.sum() > 0:
-            return 0.0, 0.0
+            return 0.0
         many = power.sum() ** 2 / (power**2).sum()
-        return float((left**2).sum()), float(2 * many * (len(group) - 1))
+        return float(2 * many * (len(self.recordings) - 1))
 
-    def _along(self, recording: int, values: Array) -> Array:
-        mine = values[self.engine.owner == recording]
-        return np.interp(self.at[recording], self.times[recording], mine)
 
-    def asked(self, found: Fit, index: int) -> tuple[float, Piece]:
-        """Log odds that a piece is not alike in all replicates, and the piece.
+class Regression:
+    """Differences between replicates, explained by effects of single recordings."""
 
-        It is without recordings that only laws put it in.
+    def __init__(self, engine: Engine, guess: Guess) -> None:
+        self.engine, self.pieces = engine, dict[str, list[Piece]]()
+        data, scales = engine.data, engine.data.scales()
+        changes, self.may = {}, dict[str, NDArray[np.bool]]()
+        for law in (one.within(scales) for one in EFFECTS if own(one)):
+            starts = [*law.starts(scales), *(law.closer(scales) or [[]])[0]]
+            pieces = self.pieces[law.id] = pieces_at(engine, law, starts)
+            changes[law.id] = engine.by_each(guess, pieces)
+            every = (p.effect.possible(p.values, *_channels(data)) for p in pieces)
+            self.may[law.id] = np.array(list(every)).T  # (recordings, starts)
+        replicates, stress = Replicates(engine), engine.run(guess, False)[0]
+        self.groups = [Group(replicates, g, stress, changes) for g in replicates.groups]
+        self.ends = {effect: bounds(pieces) for effect, pieces in self.pieces.items()}
+
+    def forward(self, effects: frozenset[str]) -> Found:
+        """The terms of these effects that are most likely, added one by one."""
+        best = Found((), np.zeros(0), 0.0)
+        while True:
+            more = self._next(best, effects)
+            tried = self.fitted((*best.terms, more)) if more else best
+            if not tried.odds > best.odds:
+                return best
+            best = tried
+
+    def _next(self, found: Found, effects: frozenset[str]) -> Term | None:
+        """The term that takes away most, of recordings that have none of the kind."""
+        taken = {(t.effect, t.recording) for t in found.terms}
+        best, most = None, 0.0
+        for group, left in zip(self.groups, self.left(found), strict=True):
+            squares = float((left**2).sum())
+            for effect in effects:
+                _, gains = group.gains(effect, left, *self.ends[effect])
+                gains *= self.may[effect][list(group.recordings)]
+                for i, r in enumerate(group.recordings):
+                    start = int(gains[i].argmax())
+                    share = gains[i, start] / max(squares, 1e-300)
+                    if (effect, r) not in taken and share > most:
+                        best, most = Term(effect, start, r), float(share)
+        return best
+
+    def left(self, found: Found) -> list[Array]:
+        """The differences of each group without what the terms make of them."""
+        out = []
+        for group in self.groups:
+            left = group.left.copy()
+            for term, size in zip(found.terms, found.sizes, strict=True):
+                if term.recording in group.recordings:
+                    left -= size * group.column(term)
+            out.append(left)
+        return out
+
+    def fitted(self, terms: tuple[Term, ...]) -> Found:
+        """The terms at their best sizes, and the odds of that."""
+        sizes = np.zeros(len(terms))
+        for group in self.groups:
+            mine = [i for i, t in enumerate(terms) if t.recording in group.recordings]
+            if mine:
+                columns = [group.column(terms[i]).ravel() for i in mine]
+                ends = [self.ends[terms[i].effect][:, terms[i].start] for i in mine]
+                low, high = np.transpose(ends)
+                found = lsq_linear(
+                    np.transpose(columns), group.left.ravel(), (low, high)
+                )
+                sizes[mine] = found.x
+        found = Found(terms, sizes, 0.0)
+        return replace(found, odds=self._odds(found))
+
+    def _odds(self, found: Found) -> float:
+        gain = count = 0.0
+        for group, left in zip(self.groups, self.left(found), strict=True):
+            before, after = float((group.left**2).sum()), float((left**2).sum())
+            many = min(group.independent(group.left), group.independent(left))
+            if min(before, after) > 0:
+                gain += 0.5 * many * np.log(before / after)
+                count += many
+        each = 0.5 * np.log(max(count, 2.0))
+        for effect in {t.effect for t in found.terms}:
+            mine = [t for t in found.terms if t.effect == effect]
+            law = self.pieces[effect][0].effect
+            # A moment is found to an interval: it is two numbers (`evidence.worth`).
+            numbers = 2 * len(law.per_recording) - 1
+            gain -= each * numbers * len(mine)
+        return float(gain)
+
+    def faulty(self, found: Found, effect: str) -> float:
+        """Probability that the sizes of an effect are no scatter between specimens.
+
+        No two strips are gripped alike. So sizes are half-normal, with a spread that is
+        itself half-normal, of the scale `GRIPS`; or those of the terms have a size of
+        their own.
         """
-        engine, piece = self.engine, found.guess.pieces[index]
-        rest = [p for i, p in enumerate(found.guess.pieces) if i != index]
-        guess, fixed = replace(found.guess, pieces=tuple(rest)), found.fixed_base
-        less = fit(engine, guess, fixed_base=fixed, iterations=REFITTED)
-        off, _ = engine.run(guess, False)
-        before = [
-            min(self.spread(g, s) for s in (less.stress, off)) for g in self.groups
-        ]
-        slots = [s for s in found.slots if s.piece == index]
+        reached = [reach(c) for c in self.engine.chunks]
+        mine = {
+            t.recording: abs(self.size(t, s)) / reached[t.recording]
+            for t, s in zip(found.terms, found.sizes, strict=True)
+            if t.effect == effect
+        }
+        others = []
+        for group, left in zip(self.groups, self.left(found), strict=True):
+            sizes, gains = group.gains(effect, left, *self.ends[effect])
+            gains *= self.may[effect][list(group.recordings)]
+            for i, r in enumerate(group.recordings):
+                if r not in mine:
+                    term = Term(effect, int(gains[i].argmax()), r)
+                    others.append(
+                        abs(self.size(term, sizes[i, term.start])) / reached[r]
+                    )
+        some, rest = np.array(list(mine.values())), np.array(others)
+        prior = np.log(SPREADS) - 0.5 * SPREADS**2
+        prior -= logsumexp(prior)
 
-        def odds(kept: set[int]) -> float:
-            there = np.isin(engine.owner, list(kept))
-            stress = np.where(there, found.stress, off)
-            gain = count = 0.0
-            for group, (old, many) in zip(self.groups, before, strict=True):
-                new, more = self.spread(group, stress)
-                if min(old, new) > 0:
-                    gain += 0.5 * min(many, more) * np.log(old / new)
-                    count += min(many, more)
-            own = (s for s in slots if not s.recordings or kept & set(s.recordings))
-            each = 0.5 * np.log(max(count, 2.0))
-            price = UNSAID + picked(len(engine.chunks), len(kept))
-            return float(gain - price - each * sum(worth(found, s) for s in own))
+        def density(size: float | None) -> float:
+            every = [
+                _half_normal(rest, GRIPS * s) + _half_normal(some, size or GRIPS * s)
+                for s in SPREADS
+            ]
+            return float(logsumexp(np.array(every) + prior))
 
-        kept, told = on(piece), {r for group in self.groups for r in group}
-        best = odds(kept) if kept & told else -np.inf
-        while len(kept & told) > 1:
-            fewer = [kept - {r} for r in sorted(kept & told)]
-            worths = [odds(k) for k in fewer]
-            if max(worths) <= best:
-                break
-            best, kept = max(worths), fewer[int(np.argmax(worths))]
-        return best, only(piece, np.array(sorted(kept)))
+        apart = logsumexp([density(size) for size in APART]) - np.log(len(APART))
+        price = UNSAID + picked(len(some) + len(rest), len(some))
+        return float(expit(apart - density(None) - price))
+
+    def size(self, term: Term, by: float) -> float:
+        """The amplitude of a term, `by` times its start."""
+        piece = self.pieces[term.effect][term.start]
+        value = piece.values[piece.effect.amplitude][term.recording]
+        return float(value * by)
+
+    def piece(self, found: Found, effect: str) -> Piece:
+        """The effect with its values in the recordings that have it."""
+        first = self.pieces[effect][0]
+        law, values = first.effect, dict(first.values)
+        for name in law.per_recording:
+            values[name] = np.full(len(self.engine.chunks), law.off.get(name, 0.0))
+        mine = {
+            t.recording: (t.start, s)
+            for t, s in zip(found.terms, found.sizes, strict=True)
+            if t.effect == effect
+        }
+        for r, (start, size) in mine.items():
+            for name in law.per_recording:
+                value = self.pieces[effect][start].values[name][r]
+                values[name][r] = value * (size if name == law.amplitude else 1.0)
+        return replace(first, values=values, groups=tuple((r,) for r in sorted(mine)))
 
 
-def stand_out(
-    engine: Engine, probable: Posterior, proposed: Sequence[Fit] = ()
-) -> list[Fault]:
-    """What recordings have that their replicates have not, if any have.
-
-    Asked of the fits of the posterior, the likeliest first, and of those `proposed`.
-    """
-    replicates = Replicates(engine)
-    if not replicates.groups:
+def stand_out(engine: Engine, found: Fit) -> list[Fault]:
+    """What recordings have that their replicates have not, by what a fit leaves."""
+    if not Replicates(engine).groups:
         return []
-    asked: dict[str, tuple[float, Piece]] = {}
-    order = np.argsort(-probable.probability, kind="stable")
-    likely = [probable.hypotheses[i].account.fit for i in order]
-    for one in (*proposed, *likely):
-        for index, piece in enumerate(one.guess.pieces):
-            if (
-                piece.effect.id not in asked
-                and _own(piece.effect)
-                and not piece.nuisance
-            ):
-                asked[piece.effect.id] = replicates.asked(one, index)
-    if not asked:
-        return []
-    every = np.array([0.0, *(odds for odds, _ in asked.values())])
-    odds, piece = max(asked.values(), key=lambda pair: pair[0])
-    return [Fault(piece, float(np.exp(odds - np.logaddexp.reduce(every))))]
+    guess, shared = _alike(found.guess)
+    regression = Regression(engine, guess)
+    every = frozenset(regression.pieces)
+    best = regression.forward(every)
+    out = []
+    for effect in sorted({t.effect for t in best.terms}):
+        odds = best.odds - regression.forward(every - {effect}).odds
+        piece = regression.piece(best, effect)
+        if effect in shared:  # and what all recordings have of it
+            piece = _together(shared[effect], piece)
+        chance = float(expit(odds)) * regression.faulty(best, effect)
+        out.append(Fault(piece, chance))
+    return out
 
 
-def _own(law: Effect) -> bool:
+def _half_normal(sizes: Array, spread: float) -> float:
+    """Log density (to a constant) of sizes of either sign taken as one."""
+    return float(-(0.5 * (sizes / spread) ** 2 + np.log(spread)).sum())
+
+
+def own(law: Effect) -> bool:
     """Whether an effect has a size in each recording that is no scale and no zero."""
     return law.amplitude in law.per_recording and not (law.scatter or law.unmoved)
+
+
+def _channels(data: Data) -> tuple[Sequence[Chunk], Sequence[Array]]:
+    return data.chunks, data.stress_MPa
+
+
+def _alike(guess: Guess) -> tuple[Guess, dict[str, Piece]]:
+    """The guess with no more of effects of single recordings than all of them have.
+
+    And those effects of which all have some.
+    """
+    pieces, shared = [], {}
+    for piece in guess.pieces:
+        if own(piece.effect) and not piece.nuisance:
+            name = piece.effect.amplitude
+            size = np.array(piece.values[name], float)
+            least = size[np.abs(size).argmin()]
+            if least == piece.effect.off[name]:
+                continue
+            values = piece.values | {name: np.full(len(size), least)}
+            piece = shared[piece.effect.id] = replace(piece, values=values)
+        pieces.append(piece)
+    return replace(guess, pieces=tuple(pieces)), shared
+
+
+def _together(all_have: Piece, more: Piece) -> Piece:
+    """What all recordings have of an effect, and what some have more."""
+    name = more.effect.amplitude
+    values = dict(all_have.values)
+    for other in more.effect.per_recording:
+        values[other] = np.array(values[other], float)
+    values[name] += more.values[name]
+    return replace(all_have, values=values)
 
 
 def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:

@@ -120,7 +120,7 @@ class Screen:
         """A lead from each piece, in all its recordings; `change` as `_changes`."""
         change = self._changes(pieces) if change is None else change
         size = (change**2).sum(axis=0) - ((self.q.T @ change) ** 2).sum(axis=0)
-        c, gain = _signed(_bounds(pieces), size, change.T @ self.residual)
+        c, gain = _signed(bounds(pieces), size, change.T @ self.residual)
         return [
             Lead(_scaled(piece, float(by)), float(won))
             for piece, by, won in zip(pieces, c, gain, strict=True)
@@ -146,14 +146,14 @@ class Screen:
             dot[mine] = own.T @ self.residual[rows]
         gram -= taken.T @ taken
         whole = np.maximum(np.diag(gram), 1e-300)
-        bounds = np.tile(_bounds(pieces), recordings)
+        ends = np.tile(bounds(pieces), recordings)
         chosen: dict[int, tuple[int, float]] = {}
         total = 0.0
         # A mistake in some recordings is one only beside others that are right.
         limit = recordings - int(pieces[0].effect.some)
         while len(chosen) < limit:
             size = np.diag(gram).copy()
-            c, gain = _signed(bounds, size, dot)
+            c, gain = _signed(ends, size, dot)
             # What is absorbed by what is in already tells nothing new.
             gain[size < 0.02 * whole] = 0.0
             for g in chosen:
@@ -184,7 +184,7 @@ class Screen:
         return [Lead(Piece(effect, values, pieces[0].free, groups), total)]
 
 
-def _bounds(pieces: Sequence[Piece]) -> Array:
+def bounds(pieces: Sequence[Piece]) -> Array:
     """Multiples (2, pieces) of a start's amplitude that its range allows, up to 4."""
     out = []
     for piece in pieces:
