@@ -10,8 +10,10 @@ from made import STIFFNESS, UNITS, straight
 from softnn import Recording, diagnose
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
-from softnn.mismatch import prediction
+from softnn.mismatch import faults, prediction
+from softnn.mismatch.base import Baseline
 from softnn.mismatch.decision import Shows, decide_by_prediction
+from softnn.mismatch.faults import Fault
 from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.prediction import Candidate, Fold, Folds, Judge, best, harms
 from softnn.model_file import from_dict, to_dict
@@ -103,15 +105,61 @@ def gaps(*values):
 
 def test_a_recording_not_met_has_the_mean_gap_of_the_others():
     guess = Guess(UNITS, STIFFNESS, (gaps(0.01, 0.02, 0.09),))
-    new = prediction.unmet(guess, Fold("recording", np.ones(1, bool), (2,)))
+    new = prediction.unmet(guess, Fold("recording", np.ones(1, bool), (2,)), {})
     assert new.pieces[0].values["gap"].tolist() == pytest.approx([0.01, 0.02, 0.015])
     assert new.pieces[0].groups == ((0,), (1,))
+
+
+def test_a_fault_stays_with_its_recording_and_is_not_learnt_from_it():
+    known = gaps(0.0, 0.0, 0.09)
+    guess = Guess(UNITS, STIFFNESS, (gaps(0.01, 0.02, 0.3),))
+    fold = Fold("recording", np.ones(1, bool), (2,))
+    new = prediction.unmet(guess, fold, {"slack": known})
+    assert new.pieces[0].values["gap"].tolist() == pytest.approx([0.01, 0.02, 0.09])
+    assert new.pieces[0].groups == ((0,), (1,))
+
+
+def test_a_new_specimen_is_scaled_before_its_stress_is_clipped():
+    """Twice as stiff, and cut off at half of that: its true scale leaves nothing."""
+    law, cell = effect("gain_error"), effect("load_cell_saturation")
+    chunks = [straight([0, 0.9, 0], 0.1, 0.5)] * 2
+    limit = Piece(cell, cell.defaults() | {"limit_MPa": 1.0}, ())
+    own = Piece(law, {"error": np.array([0.0, 1.0])}, (), ((1,),), nuisance=True)
+    terms = [own.term(), limit.term()]
+    stress = simulate(UNITS, STIFFNESS, terms, chunks)
+    assert stress[1].max() == pytest.approx(1.0)
+    made = Engine(Data(("a", "b"), tuple(chunks), tuple(stress)))
+    fold = Fold("specimen", made.within((1,)), (1,))
+    off = replace(own, values={"error": np.zeros(2)})
+    guess = Guess(UNITS, STIFFNESS, (off, limit))
+    left = prediction.missed(made, guess, fold, [(0,), (1,)])
+    assert left < 1e-6 * float(np.sum(stress[1] ** 2))
+
+
+def test_all_candidates_have_the_faults_that_are_given():
+    offset = effect("zero_offset")
+    own = {"offset_MPa": np.array([0.0, 0.0, 0.0, 0.2])}
+    wrong = Piece(offset, offset.defaults() | own, ("offset_MPa",), ((3,),))
+    made = engine(terms=[wrong.term()])
+    base = Baseline(made, fit(made, Guess(UNITS, STIFFNESS)), [], "sls", False)
+    found = prediction.search(base, [wrong])
+    for one in found:
+        assert "zero_offset" not in one.effects
+        mine = next(p for p in one.fit.guess.pieces if p.effect.id == "zero_offset")
+        assert mine.values["offset_MPa"][3] == pytest.approx(0.2, rel=0.05)
+    bare = prediction.alone(base, found)
+    assert bare.effects == frozenset()
+    told = prediction.posterior(found, bare)
+    assert told.effects["zero_offset"] == pytest.approx(1.0)
+    half = faults.spared(told, Fault(wrong, 0.6), made)
+    assert half.effects["zero_offset"] == pytest.approx(0.6, abs=0.02)
+    assert half.probability.sum() == pytest.approx(1.0)
 
 
 def test_a_specimen_that_other_recordings_show_keeps_its_gap():
     piece = replace(gaps(0.01, 0.05, 0.05), groups=((0,), (1, 2)))
     guess = Guess(UNITS, STIFFNESS, (piece,))
-    new = prediction.unmet(guess, Fold("recording", np.ones(1, bool), (2,)))
+    new = prediction.unmet(guess, Fold("recording", np.ones(1, bool), (2,)), {})
     assert new.pieces[0].values["gap"].tolist() == pytest.approx([0.01, 0.05, 0.05])
 
 
@@ -164,6 +212,10 @@ def candidates(*rows, kinds=("specimen",) * 4):
     return out
 
 
+def posterior(found):
+    return prediction.posterior(found, found[0])
+
+
 def test_the_base_stays_where_a_correction_is_worse_on_one_kind_of_recordings():
     kinds = ("recording", "recording", "recording", "rate")
     found = candidates(
@@ -191,7 +243,7 @@ def test_an_effect_that_others_replace_is_not_sure():
         (("mullins_softening", "slack"), [0.01] * 4),
         (("mullins_softening", "permanent_set"), [0.01] * 4),
     )
-    effects = prediction.posterior(found).effects
+    effects = posterior(found).effects
     assert effects["mullins_softening"] > 0.9
     assert effects["slack"] == pytest.approx(effects["permanent_set"])
     assert effects["slack"] < 0.5
@@ -199,7 +251,7 @@ def test_an_effect_that_others_replace_is_not_sure():
 
 def test_what_leaves_most_of_the_error_is_not_sure_to_be_on_the_list():
     sure, not_sure = (
-        prediction.posterior(candidates(((), [0.2] * 4), (("slack",), [left] * 4)))
+        posterior(candidates(((), [0.2] * 4), (("slack",), [left] * 4)))
         for left in (0.01, 0.1)
     )
     assert sure.effects["slack"] > 0.9
@@ -211,7 +263,7 @@ def test_what_leaves_most_of_the_error_is_not_sure_to_be_on_the_list():
 def test_one_recording_says_less_than_several():
     rows = ((), [0.2] * 4), (("slack",), [0.1] * 4), (("inertia",), [0.12] * 4)
     several, alone = (
-        prediction.posterior(candidates(*rows, kinds=(by,) * 4)).effects
+        posterior(candidates(*rows, kinds=(by,) * 4)).effects
         for by in ("recording", "stretch")
     )
     odds = [e["slack"] / e["inertia"] for e in (several, alone)]
@@ -226,7 +278,7 @@ SHOWS = Shows(few=False, only_loading=False)
 
 def decided(found, correct, shows=SHOWS, apart=()):
     return decide_by_prediction(
-        prediction.posterior(found),
+        posterior(found),
         found[0],
         correct,
         lambda one: one.heldout,

@@ -16,9 +16,10 @@ from softnn.fit import Data, Engine, Guess
 from softnn.mismatch.candidates import shown
 from softnn.mismatch.decision import Shows, decide
 from softnn.mismatch.evidence import MISTAKE
+from softnn.mismatch.faults import named
 from softnn.mismatch.screen import only, start_pieces
 from softnn.mismatch.specimens import UNSAID, picked
-from softnn.mismatch.zeros import SPREADS, apart, likely
+from softnn.mismatch.zeros import SPREADS, at_rest, likely
 from softnn.simulate import simulate
 
 TOP = 2.0  # largest stress, MPa
@@ -85,7 +86,7 @@ def test_what_is_said_of_zeros_is_said_of_those_that_stand_apart():
     def said(made, *recordings):
         piece = only(start_pieces(made, LAW)[0], np.array(recordings))
         guess = Guess(UNITS, STIFFNESS, (piece,))
-        return apart(made).said(SimpleNamespace(guess=guess))
+        return named(at_rest(made), SimpleNamespace(guess=guess))
 
     clear = engine([0.0] * 5 + [0.1])
     assert said(clear, 5) == said(clear, 2, 5) == {LAW.id}
@@ -93,7 +94,7 @@ def test_what_is_said_of_zeros_is_said_of_those_that_stand_apart():
     assert said(engine([0.0] * 6), 5) == frozenset()  # none stands apart
     # One that stands apart by eight times what a machine may be off by, of three.
     vague = engine([0.0, 0.0, 8 * ZEROS * TOP])
-    assert apart(vague).chance < 0.5
+    assert at_rest(vague)[0].chance < 0.5
     assert said(vague, 2) == frozenset()
 
 
@@ -126,7 +127,7 @@ def test_a_zero_that_stands_apart_need_not_foretell_others(off):
             SimpleNamespace(effects=frozenset(), fit=bare),
             lambda account: SimpleNamespace(misfit=9.0, nrmse=0.1),  # all alike
             Shows(few=False, only_loading=False),
-            lambda account: apart(made).said(account.fit),
+            lambda account: named(at_rest(made), account.fit),
             lambda account: 1.0,
         ).names
 

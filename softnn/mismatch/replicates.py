@@ -34,6 +34,7 @@ BAND = 0.05  # of the range of strain: less is no turn
 LIKE = 0.15  # of the time, and of the strain, by which replicates may differ
 POINTS = 20  # at which a stretch is looked at
 SEEN = 1e-6  # of the stress, that a change must be
+LARGER = (1.5, 2.0, 3.0, 5.0)  # times the first start: a kink moves with its size
 GRIPS = 0.01  # of the largest strain: what a strain of class 1 is off by, ISO 9513
 SPREADS = 2.0 ** np.arange(-2, 4)  # of what replicates differ by, over `GRIPS`
 APART = (0.03, 0.1, 0.3)  # of the largest strain: sizes of gaps and slips
@@ -157,6 +158,8 @@ class Regression:
         changes, self.may = {}, dict[str, NDArray[np.bool]]()
         for law in (one.within(scales) for one in EFFECTS if own(one)):
             starts = [*law.starts(scales), *(law.closer(scales) or [[]])[0]]
+            larger = (starts[0][law.amplitude] * by for by in LARGER)
+            starts += [starts[0] | {law.amplitude: size} for size in larger]
             pieces = self.pieces[law.id] = pieces_at(engine, law, starts)
             changes[law.id] = engine.by_each(guess, pieces)
             every = (p.effect.possible(p.values, *_channels(data)) for p in pieces)
