@@ -100,7 +100,7 @@ def gap(i, chunk):
 def both(i, chunk):
     """One hangs loose, another slips at 1.5 s."""
     slipped = 0.05 * (i == 3) * np.clip((chunk.time_s - 1.5) / 0.05, 0, 1)
-    taut = np.maximum(chunk.strain - 0.05 * (i == 2) - slipped, 0)
+    taut = np.maximum(chunk.strain - 0.05 * (i == 2), 0) - slipped
     rng = np.random.default_rng(i)
     return 2 * taut + 2e-3 * rng.standard_normal(len(taut))
 
@@ -122,8 +122,7 @@ def found(stress, count=5, **more):
 def test_a_gap_and_a_slip_are_found_together():
     told = found(both)
     assert {k for k, f in told.items() if f.likely} == {"slack", "grip_slip"}
-    assert np.argmax(told["slack"].piece.values["gap"]) == 2
-    assert on(told["grip_slip"].piece) == {3}
+    assert (on(told["slack"].piece), on(told["grip_slip"].piece)) == ({2}, {3})
     gap_, slip = told["slack"].piece.values, told["grip_slip"].piece.values
     assert gap_["gap"][2] == pytest.approx(0.05, rel=0.2)
     assert slip["slip"][3] == pytest.approx(0.05, rel=0.2)

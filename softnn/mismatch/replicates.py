@@ -169,14 +169,20 @@ class Regression:
         self.ends = {effect: bounds(pieces) for effect, pieces in self.pieces.items()}
 
     def forward(self, effects: frozenset[str]) -> Found:
-        """The terms of these effects that are most likely, added one by one."""
+        """The terms of these effects that are most likely, added one by one.
+
+        A term that a later one has made needless is taken out again.
+        """
         best = Found((), np.zeros(0), 0.0)
-        while True:
-            more = self._next(best, effects)
-            tried = self.fitted((*best.terms, more)) if more else best
+        while more := self._next(best, effects):
+            tried = self.fitted((*best.terms, more))
+            for term in best.terms:
+                rest = tuple(t for t in tried.terms if t != term)
+                tried = max(tried, self.fitted(rest), key=lambda f: f.odds)
             if not tried.odds > best.odds:
-                return best
+                break
             best = tried
+        return best
 
     def _next(self, found: Found, effects: frozenset[str]) -> Term | None:
         """The term that takes away most, of recordings that have none of the kind."""
