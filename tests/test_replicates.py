@@ -99,7 +99,7 @@ def gap(i, chunk):
 
 def both(i, chunk):
     """One hangs loose, another slips at 1.5 s."""
-    slipped = 0.05 * (i == 3) * np.clip((chunk.time_s - 1.5) / 0.05, 0, 1)
+    slipped = 0.05 * (i == 3) * np.clip((chunk.time_s - 1.45) / 0.2, 0, 1)
     taut = np.maximum(chunk.strain - 0.05 * (i == 2), 0) - slipped
     rng = np.random.default_rng(i)
     return 2 * taut + 2e-3 * rng.standard_normal(len(taut))

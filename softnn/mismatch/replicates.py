@@ -244,6 +244,16 @@ class Regression:
             gain -= each * numbers * len(mine)
         return float(gain)
 
+    def beyond(self, found: Found) -> Found:
+        """The terms that are more than strains are off by anyway."""
+        pairs = zip(found.terms, found.sizes, strict=True)
+        large = [
+            abs(self.size(t, s)) > GRIPS * reach(self.engine.chunks[t.recording])
+            for t, s in pairs
+        ]
+        terms = tuple(t for t, keep in zip(found.terms, large, strict=True) if keep)
+        return replace(found, terms=terms, sizes=found.sizes[large])
+
     def faulty(self, found: Found, effect: str) -> float:
         """Probability that the sizes of an effect are no scatter between specimens.
 
@@ -314,13 +324,14 @@ def stand_out(engine: Engine, found: Fit) -> list[Fault]:
     regression = Regression(engine, guess)
     every = frozenset(regression.pieces)
     best = regression.forward(every)
+    large = regression.beyond(best)
     out = []
-    for effect in sorted({t.effect for t in best.terms}):
+    for effect in sorted({t.effect for t in large.terms}):
         odds = best.odds - regression.forward(every - {effect}).odds
-        piece = regression.piece(best, effect)
+        piece = regression.piece(large, effect)
         if effect in shared:  # and what all recordings have of it
             piece = _together(shared[effect], piece)
-        chance = float(expit(odds)) * regression.faulty(best, effect)
+        chance = float(expit(odds)) * regression.faulty(large, effect)
         out.append(Fault(piece, chance))
     return out
 
