@@ -171,14 +171,17 @@ class Regression:
     def forward(self, effects: frozenset[str]) -> Found:
         """The terms of these effects that are most likely, added one by one.
 
-        A term that a later one has made needless is taken out again.
+        After each, every other one is taken out, and left out or replaced if that is
+        more likely.
         """
         best = Found((), np.zeros(0), 0.0)
         while more := self._next(best, effects):
             tried = self.fitted((*best.terms, more))
             for term in best.terms:
-                rest = tuple(t for t in tried.terms if t != term)
-                tried = max(tried, self.fitted(rest), key=lambda f: f.odds)
+                less = self.fitted(tuple(t for t in tried.terms if t != term))
+                other = self._next(less, effects)
+                both = self.fitted((*less.terms, other)) if other else less
+                tried = max((tried, less, both), key=lambda f: f.odds)
             if not tried.odds > best.odds:
                 break
             best = tried
