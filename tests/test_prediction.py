@@ -62,8 +62,10 @@ def test_holds_are_left_out_as_a_kind_of_programme():
 def test_of_one_recording_stretches_are_left_out():
     made = engine((CYCLES,), (0.1,))
     found = prediction.folds(made, [])
-    assert [f.by for f in found] == ["stretch"] * 5
-    assert sum(f.rows for f in found).tolist() == [1] * len(made.target)
+    assert [f.by for f in found] == ["stretch"] * 5 + ["amplitude"]
+    assert sum(f.rows for f in found[:5]).tolist() == [1] * len(made.target)
+    size = np.abs(made.chunks[0].strain)
+    assert size[found[5].rows].min() > size[~found[5].rows].max()  # strain not seen
 
 
 def test_many_recordings_are_left_out_several_at_a_time():
@@ -228,6 +230,11 @@ def test_the_base_stays_where_a_correction_is_worse_on_one_kind_of_recordings():
     assert harms(loops, base) == "rate"
     assert best(found) is finite
     assert best(found[:2]) is base
+
+
+def test_what_is_better_by_chance_alone_corrects_nothing():
+    found = candidates(((), [0.05] * 4), (("slack",), [0.0495] * 4))
+    assert best(found) is found[0]
 
 
 def test_scatter_of_recordings_is_no_harm():

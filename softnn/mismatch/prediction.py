@@ -56,6 +56,7 @@ SKETCHED = 2  # effects, beside which replicates are compared at first
 AGAIN = 0.3  # of the largest strain, that a reloading has to cover
 SINGLE = ("specimen", "recording", "stretch")  # folds in which each sample is once
 RESCALED = 4  # steps to the scale of a new specimen
+BEYOND = 0.7  # of the largest strain: what a fit to less has not seen
 MOVING, HELD = 0.3, 0.05  # of the usual speed, above and below
 
 
@@ -152,9 +153,14 @@ def harms(one: Candidate, base: Candidate) -> str | None:
 
 
 def best(found: Sequence[Candidate]) -> Candidate:
-    """The candidate that predicts best and nowhere worse than the first, the base."""
-    safe = [c for c in found if harms(c, found[0]) is None]
-    return min(safe, key=lambda c: c.score + SAME * len(c.effects))
+    """The candidate that predicts best and nowhere worse than the first, the base.
+
+    The base itself where none is better than it by more than chance.
+    """
+    base = found[0]
+    safe = [c for c in found if harms(c, base) is None]
+    one = min(safe, key=lambda c: c.score + SAME * len(c.effects))
+    return one if base.score - one.score > HARM else base
 
 
 # --- folds ----------------------------------------------------------------------------
@@ -170,7 +176,10 @@ def folds(engine: Engine, specimens: Sequence[tuple[int, ...]]) -> list[Fold]:
     if count < 2:
         n = len(engine.target)
         which = np.minimum(np.arange(n) * 5 // max(n, 1), 4)
-        return [Fold("stretch", which == k, ()) for k in np.unique(which)]
+        found = [Fold("stretch", which == k, ()) for k in np.unique(which)]
+        size = np.abs(engine.chunks[0].strain[engine.valid])
+        top = size > BEYOND * size.max()
+        return found + [Fold("amplitude", top, ())] * bool(2 * top.sum() < n)
     told = len(specimens) > 1
     single = list(specimens) if told else [(r,) for r in range(count)]
     if len(single) > MOST_FOLDS:
