@@ -87,7 +87,7 @@ def judge(base: Baseline) -> Judgement:
     found = search(base)
     if found.reaches_noise:
         return by_likelihood(found)
-    return by_prediction(base)
+    return by_prediction(base.fewer(prediction.SAMPLES) if base.fewer else base)
 
 
 def _shows(engine: Engine) -> Shows:

@@ -36,6 +36,7 @@ from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.verify import Heldout, without_rows
 from softnn.state import BRANCHES, phases
 
+SAMPLES = 400  # a recording: laws are wrong by far more than noise averages out
 LEVEL = 0.01  # of the largest stress: the weight of every sample
 ALIKE = 0.15  # of a logarithm, within which rates and amplitudes are one level
 MOST_FOLDS = (
