@@ -8,9 +8,8 @@ an effect needs to know what the stress would have been at another strain.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -38,7 +37,6 @@ class Baseline:
     noise: list[Noise]
     name: str  # the base, or "simulated"
     fixed: bool
-    fewer: Callable[[int], Baseline] | None = None  # the same of so many samples
 
 
 def usable(case: Case, samples: int) -> Case:
@@ -46,20 +44,15 @@ def usable(case: Case, samples: int) -> Case:
     return thin(mask_failure(mask_gaps(case)), samples)
 
 
-def start(case: Case, model: str | None = None, samples: int = SEARCH) -> Baseline:
-    """The base of a case at its best: what a search starts from.
-
-    Of each recording about so many samples are searched.
-    """
-    data, fine = to_data(usable(case, samples)), to_data(usable(case, REPORT))
+def start(case: Case, model: str | None = None) -> Baseline:
+    """The base of a case at its best: what a search starts from."""
+    data, fine = to_data(usable(case, SEARCH)), to_data(usable(case, REPORT))
     if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
     model = model or case.model
     if data.simulated_MPa is not None and model is None:
-        made = given(data, data.simulated_MPa, case.groups(), fine)
-    else:
-        made = baseline(data, model or DEFAULT, case.groups(), fine)
-    return replace(made, fewer=partial(start, case, model))
+        return given(data, data.simulated_MPa, case.groups(), fine)
+    return baseline(data, model or DEFAULT, case.groups(), fine)
 
 
 def units_for(name: str, data: Data, segments: int = 16) -> Units:

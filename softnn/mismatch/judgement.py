@@ -87,7 +87,7 @@ def judge(base: Baseline) -> Judgement:
     found = search(base)
     if found.reaches_noise:
         return by_likelihood(found)
-    return by_prediction(base.fewer(prediction.SAMPLES) if base.fewer else base)
+    return by_prediction(base)
 
 
 def _shows(engine: Engine) -> Shows:
@@ -142,11 +142,16 @@ def by_prediction(base: Baseline) -> Judgement:
         return [f.piece for f in own.values() if f.likely]
 
     def ask(found: Fit) -> bool:
-        """Whether replicates show a fault that was not likely so far."""
+        """Whether replicates show one more likely fault that predicts better."""
         new = [
             fault
             for fault in replicates.stand_out(engine, found)
             if fault.effect not in own or not own[fault.effect].likely
+        ]
+        new = [
+            fault
+            for fault in new
+            if not fault.likely or prediction.better(engine, found, fault.piece)
         ]
         own.update({f.effect: f for f in new})
         return any(f.likely for f in new)

@@ -36,7 +36,6 @@ from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.verify import Heldout, without_rows
 from softnn.state import BRANCHES, phases
 
-SAMPLES = 400  # a recording: laws are wrong by far more than noise averages out
 LEVEL = 0.01  # of the largest stress: the weight of every sample
 ALIKE = 0.15  # of a logarithm, within which rates and amplitudes are one level
 MOST_FOLDS = (
@@ -57,7 +56,6 @@ SKETCHED = 2  # effects, beside which replicates are compared at first
 AGAIN = 0.3  # of the largest strain, that a reloading has to cover
 SINGLE = ("specimen", "recording", "stretch")  # folds in which each sample is once
 RESCALED = 4  # steps to the scale of a new specimen
-BEYOND = 0.7  # of the largest strain: what a fit to less has not seen
 MOVING, HELD = 0.3, 0.05  # of the usual speed, above and below
 
 
@@ -177,10 +175,7 @@ def folds(engine: Engine, specimens: Sequence[tuple[int, ...]]) -> list[Fold]:
     if count < 2:
         n = len(engine.target)
         which = np.minimum(np.arange(n) * 5 // max(n, 1), 4)
-        found = [Fold("stretch", which == k, ()) for k in np.unique(which)]
-        size = np.abs(engine.chunks[0].strain[engine.valid])
-        top = size > BEYOND * size.max()
-        return found + [Fold("amplitude", top, ())] * bool(2 * top.sum() < n)
+        return [Fold("stretch", which == k, ()) for k in np.unique(which)]
     told = len(specimens) > 1
     single = list(specimens) if told else [(r,) for r in range(count)]
     if len(single) > MOST_FOLDS:
@@ -400,6 +395,18 @@ def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
         more = expand(engine, found, pool, LATER)
         found = min([found, *more], key=lambda f: f.chi2)
     return found
+
+
+def better(engine: Engine, found: Fit, fault: Piece) -> bool:
+    """Whether a fit predicts better with a fault of single recordings."""
+    without = Judge(engine, found.guess).judged(found)
+    given = frozenset({fault.effect.id})
+    rest = tuple(
+        p for p in found.guess.pieces if p.nuisance or p.effect.id not in given
+    )
+    less = fit(engine, replace(found.guess, pieces=rest), fixed_base=found.fixed_base)
+    has = refine(engine, less, fault)
+    return Judge(engine, has.guess, given).judged(has).score < without.score
 
 
 def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
