@@ -2,7 +2,7 @@ r"""Where what was concealed acts in cases of other hands, as far as a truth tel
 
 A truth that states the material (spring and branches) gives the stress without what
 was concealed, bar noise; recorded less that is what was concealed. It acts where the
-mean of that over `WINDOW` samples is beyond `SIGMAS` of the noise that the truth states.
+mean of that over `WINDOW` samples is beyond `SIGMAS` of the noise the truth states.
 """
 
 from __future__ import annotations
@@ -45,9 +45,7 @@ SPRINGS: dict[tuple[str, ...], Spring] = {
     ("foam", "d", "e0", "k"): lambda e, d, e0, k: (
         e0 * np.tanh(e / e0) + k * e + d * e**3
     ),
-    ("yeoh", "c"): lambda e, c: (
-        _bend(e) * (1 + c * _first(e) / (1 + 0.15 * _first(e)))
-    ),
+    ("yeoh", "c"): lambda e, c: _bend(e) * (1 + c * _first(e) / (1 + 0.15 * _first(e))),
     ("mooney", "c"): lambda e, c: (
         _bend(e) * (c + (1 - c) / np.maximum(1 + e, THINNEST))
     ),

@@ -15,7 +15,6 @@ import pandas as pd
 from softnn.contracts import Chunk
 from softnn.model_file import read_model
 
-
 WHICH = {"before": "base", "after": "model"}  # file of each model
 
 

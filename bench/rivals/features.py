@@ -140,14 +140,11 @@ def turns(strain: Array, back: float) -> Array:
     return out
 
 
-def rows(found: Features, data: Data) -> tuple[Array, Array, Array]:
-    """Features (n, k), stress (n,) and recording (n,) of all samples with a stress."""
-    x, y, owner = [], [], []
-    for r, (chunk, stress) in enumerate(
-        zip(data.chunks, data.stress_MPa, strict=True)
-    ):
+def rows(found: Features, data: Data) -> tuple[Array, Array]:
+    """Features (n, k) and stress (n,) of all samples with a stress."""
+    x, y = [], []
+    for chunk, stress in zip(data.chunks, data.stress_MPa, strict=True):
         good = np.isfinite(stress)
         x.append(found.at(chunk)[good])
         y.append(stress[good])
-        owner.append(np.full(int(good.sum()), r))
-    return np.concatenate(x), np.concatenate(y), np.concatenate(owner)
+    return np.concatenate(x), np.concatenate(y)

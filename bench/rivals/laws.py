@@ -106,9 +106,7 @@ def predicted(found: Fit, elastic: Elastic, p: Array) -> Predict:
     terms = [Term(piece.effect, piece.values) for piece in guess.pieces]
 
     def predict(chunks: Sequence[Chunk]) -> list[Array]:
-        return simulate(
-            guess.units, guess.stiffness, terms, driven(chunks, elastic, p)
-        )
+        return simulate(guess.units, guess.stiffness, terms, driven(chunks, elastic, p))
 
     return predict
 
@@ -203,4 +201,3 @@ def bergstroem_boyce(data: Data, rng: np.random.Generator) -> Predict:
             best, least = found.x, found.cost
     assert best is not None  # there is a start
     return BergstroemBoyce.of(best).predict
-

@@ -13,6 +13,7 @@ from softnn.contracts import InputError, nearest
 SEGMENTS = (4, 8, 16)
 DENSITIES = (1, 3)  # relaxation times a decade
 PRONY = tuple({"per_decade": n} for n in DENSITIES)
+EITHER = ({"on_base": False}, {"on_base": True})
 INSTALL = "pip install 'softnn[rivals]'"
 
 
@@ -64,7 +65,7 @@ METHODS: tuple[Method, ...] = (
         "ogden_roxburgh",
         "Ogden-Roxburgh softening with a Prony series",
         laws.ogden_roxburgh,
-        tuple({"spring": s, "per_decade": 1} for s in ("yeoh", "piecewise")),
+        tuple({"spring": s, **p} for s, p in product(("yeoh", "piecewise"), PRONY)),
         law=True,
     ),
     Method("bergstroem_boyce", "Bergstroem-Boyce", laws.bergstroem_boyce, law=True),
@@ -72,21 +73,22 @@ METHODS: tuple[Method, ...] = (
         "trees",
         "gradient-boosted trees on history features",
         learners.trees,
-        tuple(
-            {"leaves": n, "on_line": line} for n, line in product((6, 24), (False, True))
-        ),
+        tuple({"leaves": n, **b} for n, b in product((6, 24), EITHER)),
     ),
     Method(
         "gaussian_process",
         "Gaussian process on history features",
         learners.gaussian_process,
-        tuple({"inputs": i} for i in SETS),
+        tuple({"inputs": i, **b} for i, b in product(SETS, EITHER)),
     ),
     Method(
         "network",
         "small network of histories",
         learners.network,
-        tuple({"inputs": i, "neurons": n} for i, n in product(SETS, (3, 8))),
+        tuple(
+            {"inputs": i, "neurons": n, **b}
+            for i, n, b in product(SETS, (3, 8), EITHER)
+        ),
         quick={"starts": 1},
     ),
     Method(
@@ -94,8 +96,8 @@ METHODS: tuple[Method, ...] = (
         "PySINDy on history features",
         learners.pysindy,
         tuple(
-            {"inputs": i, "degree": d, "threshold": t}
-            for i, d, t in product(SETS, (1, 2), (0.01, 0.1))
+            {"inputs": i, "degree": d, "threshold": t, **b}
+            for i, d, t, b in product(SETS, (1, 2), (0.003, 0.01, 0.03, 0.1), EITHER)
         ),
         package="pysindy",
     ),

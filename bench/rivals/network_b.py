@@ -50,9 +50,15 @@ def flow(time, stretch, rate, hardening, exponent, out):
                 high = y
             else:
                 low = y
-            slope = 1 + step * speed * exponent * abs(b) ** (exponent - 1) * (
-                2 * np.exp(2 * e) + np.exp(-e)
-            ) / 3
+            slope = (
+                1
+                + step
+                * speed
+                * exponent
+                * abs(b) ** (exponent - 1)
+                * (2 * np.exp(2 * e) + np.exp(-e))
+                / 3
+            )
             new = y - g / slope
             y = new if low < new < high else (low + high) / 2
             if abs(g) < CLOSE:

@@ -121,5 +121,7 @@ def together(recordings: Sequence, by: str) -> list[list[int]]:
 
 def without(data: Data, fold: Mask) -> Data:
     """The data without the stress of a fold; its strain histories stay."""
-    stress = [np.where(m, np.nan, s) for s, m in zip(data.stress_MPa, fold, strict=True)]
+    stress = [
+        np.where(m, np.nan, s) for s, m in zip(data.stress_MPa, fold, strict=True)
+    ]
     return replace(data, stress_MPa=tuple(stress))

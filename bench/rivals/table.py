@@ -19,7 +19,9 @@ Row = Mapping[str, Any]
 
 def key_of(row: Row) -> str:
     """What a prediction is called: set, group and what is held out."""
-    return " ".join(filter(None, (row["set"], row["group"], row["split"], row["label"])))
+    return " ".join(
+        filter(None, (row["set"], row["group"], row["split"], row["label"]))
+    )
 
 
 def joined(rivals: Sequence[Row], recordings: Sequence[Row]) -> list[dict[str, Any]]:
@@ -110,7 +112,7 @@ ABOUT = (
 
 
 def verdict(found: Mapping[str, Row], what: Mapping[str, str]) -> str:
-    """A sentence on the rivals that are ahead of softnn, or as good within the scatter."""
+    """Which rivals are ahead of softnn, or as good within the scatter."""
     rivals = {n: f for n, f in found.items() if n not in (SOFTNN, BASE)}
     ahead = [what.get(n, n) for n, f in rivals.items() if f["ratio"] < 1]
     near = [

@@ -17,6 +17,7 @@ from typing import Any
 from bench.recordings.groups import Group, Split, discover
 from bench.recordings.rows import MAIN
 from bench.recordings.virtual import made_up
+from bench.reporting import tracked
 from bench.rivals import choice, features, laws, learners, methods, network_b, problem
 from bench.rivals.choice import Method, judged, least
 from bench.rivals.table import (
@@ -30,7 +31,6 @@ from bench.rivals.table import (
     summary,
     verdict,
 )
-from bench.reporting import tracked
 from softnn.contracts import InputError
 from softnn.database import Store
 from softnn.readers.tidy import data_folder
@@ -48,7 +48,8 @@ from softnn.study.common import (
 )
 
 NAME = "rivals"
-CODE = [Path(m.__file__) for m in (choice, features, laws, learners, network_b, problem)]
+PARTS = (choice, features, laws, learners, network_b, problem)
+CODE = [Path(str(part.__file__)) for part in PARTS]
 SMOKE = ("pl_sls", "yeoh", "trees")
 OWN = {
     BASE: f"the base alone ({MAIN})",
@@ -151,7 +152,8 @@ def predicted(
     for group, split in tqdm(splits, unit="prediction", desc=NAME, disable=None):
         keys = {m.name: key_of(group, split, m, a.samples, a.seed) for m in wanted}
         todo = [m for m in wanted if keys[m.name] not in known]
-        given = problem.problem_of(group, split, a.samples) if todo else None
+        if todo:
+            given = problem.problem_of(group, split, a.samples)
         for one in todo:
             told = judged(one, given, a.seed)
             store.add(keys[one.name], told)
@@ -190,7 +192,9 @@ def report(
     own = [r for r in recordings["rows"] if (r["base"], r["kind"]) == (MAIN, "split")]
     table = joined(rows, own)
     if not table:
-        raise InputError("none of these predictions is in studies/results/recordings.json")
+        raise InputError(
+            "none of these predictions is in studies/results/recordings.json"
+        )
     what = OWN | {m.name: m.what for m in wanted}
     found = summary(table, a.seed)
     note = "\n\n".join([as_markdown(found, what), ABOUT, verdict(found, what)])
