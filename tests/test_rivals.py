@@ -338,7 +338,7 @@ def test_summary_by_hand():
     assert found["a"]["ratio"] == pytest.approx(np.sqrt(0.5 * 4))
     assert found["a"]["median"] == pytest.approx(0.225)
     assert (found["a"]["ahead"], found["a"]["best"], found["a"]["of"]) == (1, 1, 2)
-    assert found["b"]["ratio"] == pytest.approx(np.sqrt(2 * table.WORST / 0.1))
+    assert found["b"]["ratio"] == pytest.approx(np.sqrt(2 * 10))
     assert found["b"]["failed"] == 1
     assert found["base"]["ratio"] == pytest.approx(2)
     assert (found["softnn"]["ratio"], found["softnn"]["best"]) == (1, 1)

@@ -16,6 +16,7 @@ from bench.rivals.table import (
     as_markdown,
     capped,
     key_of,
+    plain,
     verdict,
 )
 from softnn.study.common import made_with, markdown, percent
@@ -106,7 +107,7 @@ def every(rows: list[Result], what: Mapping[str, str]) -> str:
     lines = []
     for r in rows:
         errors = r["errors"]
-        single = {k: capped(v) for k, v in errors.items() if k not in (BEST_LAW, ANY)}
+        single = {k: plain(v) for k, v in errors.items() if k not in (BEST_LAW, ANY)}
         best = min(single, key=lambda k: single[k])
         cells = [
             (percent(errors[k], 1) or "-") + " *" * (k == best)

@@ -12,7 +12,7 @@ from softnn.study.common import markdown, percent
 SOFTNN, BASE = "softnn", "base"
 BEST_LAW, ANY = "best_law", "best_rival"
 DRAWS = 4000  # of the predictions, for an interval
-WORST = 10.0  # NRMSE that a larger one counts as, and a failure
+WORST = 1.0  # NRMSE of no stress at all; a larger one counts as it in a mean
 
 Row = Mapping[str, Any]
 
@@ -42,8 +42,13 @@ def joined(rivals: Sequence[Row], recordings: Sequence[Row]) -> list[dict[str, A
 
 
 def capped(value: float | None) -> float:
-    """An error as it counts in a mean: `WORST` where it is larger or there is none."""
+    """An error as it counts in a mean: `WORST` at most, and where there is none."""
     return WORST if value is None else min(float(value), WORST)
+
+
+def plain(value: float | None) -> float:
+    """An error as it is compared: infinite where there is none."""
+    return np.inf if value is None else float(value)
 
 
 def summary(rows: Sequence[Row], seed: int = 0) -> dict[str, dict[str, Any]]:
@@ -54,7 +59,7 @@ def summary(rows: Sequence[Row], seed: int = 0) -> dict[str, dict[str, Any]]:
     `best`: in which it is better than all others of the table.
     """
     methods = list(rows[0]["errors"]) if rows else []
-    table = np.array([[capped(r["errors"][m]) for m in methods] for r in rows])
+    table = np.array([[plain(r["errors"][m]) for m in methods] for r in rows])
     single = [i for i, m in enumerate(methods) if m not in (BEST_LAW, ANY)]
     winner = [single[int(np.argmin(line[single]))] for line in table]
     rng = np.random.default_rng(seed)
@@ -62,7 +67,7 @@ def summary(rows: Sequence[Row], seed: int = 0) -> dict[str, dict[str, Any]]:
     own = table[:, methods.index(SOFTNN)] if rows else np.zeros(0)
     out = {}
     for i, name in enumerate(methods):
-        logs = np.log(np.maximum(table[:, i], 1e-12) / np.maximum(own, 1e-12))
+        logs = np.log(np.minimum(table[:, i], WORST) / np.minimum(own, WORST))
         low, high = np.exp(np.quantile(logs[pick].mean(axis=1), [0.025, 0.975]))
         out[name] = {
             "median": float(np.median(table[:, i])),
@@ -107,7 +112,8 @@ def as_markdown(found: Mapping[str, Row], what: Mapping[str, str]) -> str:
 ABOUT = (
     "Error: NRMSE on recordings that no fit used. Error over softnn's: geometric mean, "
     "above 1 where softnn is better; with a 95 % bootstrap interval over the "
-    f"predictions. A failure, or an error above {100 * WORST:.0f} %, counts as that."
+    f"predictions. An error above {100 * WORST:.0f} %, that of no stress at all, counts "
+    "as that in the mean, for softnn too."
 )
 
 
