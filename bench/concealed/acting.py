@@ -106,7 +106,12 @@ def acts(
 def f1(
     truth: Mapping[str, Any], diagnosis: Mapping[str, Any], case: Path
 ) -> float | None:
-    """F1 of a diagnosis's regions over the samples of a case, None where not known."""
+    """F1 of a diagnosis's regions over the samples of a case.
+
+    None where the truth does not tell, and where nothing is concealed.
+    """
+    if truth.get("cls") == "null":
+        return None
     names = [r["name"] for r in truth.get("recordings", [])]
     files = {n: case / "recordings" / f"{n}.csv" for n in names}
     if not files or not all(f.exists() for f in files.values()):

@@ -22,11 +22,11 @@ from softnn.contracts import Array, Chunk
 from softnn.fit import Data
 
 TREES = 200
-PROCESS_ROWS = 300, 1000  # samples: for the length scales, and to predict from
-PROCESS_STEPS = 60  # of the search for them
+PROCESS_ROWS = 200, 1000  # samples: for the length scales, and to predict from
+PROCESS_STEPS = 30  # of the search for them
 NETWORK_ROWS = 800  # samples that a network learns from
 RIDGE = 1e-4  # of the samples: weight of the squared coefficients
-REGRESSED = 5000  # samples that PySINDy regresses on
+REGRESSED = 2000  # samples that PySINDy regresses on
 
 
 @dataclass(frozen=True)
