@@ -354,6 +354,16 @@ def test_summary_by_hand():
     )
 
 
+def test_no_error_counts_as_more_than_that_of_no_stress():
+    (row, _) = rows_by_hand()
+    row["errors"] |= {"softnn": 3.0, "a": 2.0, "b": 0.5}
+    found = table.summary([row])
+    assert found["a"]["ratio"] == pytest.approx(1)
+    assert found["b"]["ratio"] == pytest.approx(0.5)
+    # Which is better is told by the errors as they are.
+    assert (found["a"]["ahead"], found["a"]["median"]) == (1, 2.0)
+
+
 def test_predictions_of_both_studies_are_joined_by_what_they_predict():
     rivals = [{**r, "errors": {"a": 0.3}} for r in rows_by_hand()]
     own = [{**r, "unseen": {"before": 0.2, "after": 0.1}} for r in rows_by_hand()[:1]]

@@ -1,8 +1,9 @@
-r"""Where what was concealed acts in cases of other hands, as far as a truth tells.
+r"""Samples at which concealed effects act, in cases by other hands.
 
-A truth that states the material (spring and branches) gives the stress without what
-was concealed, bar noise; recorded less that is what was concealed. It acts where the
-mean of that over `WINDOW` samples is beyond `SIGMAS` of the noise the truth states.
+A truth states the material (spring and branches), which gives the stress without the
+concealed effects. The recorded stress minus that stress is the contribution of the
+effects, plus noise. They act where its mean over `WINDOW` samples exceeds `SIGMAS` of
+the noise that the truth states.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from softnn.state import runs
 
 SIGMAS = 2.0
 WINDOW = 9  # samples: white noise is a third of itself in their mean
-THINNEST = 0.02  # stretch of what is pushed flat
+THINNEST = 0.02  # smallest stretch
 
 
 def _bend(e: Array) -> Array:

@@ -2,7 +2,7 @@
 
 Each rival gets the recordings that softnn fits, thinned as softnn's search thins them,
 with the scales of specimens taken out, and predicts the recordings that softnn
-predicts. What is free in a rival is chosen by folds over the fitted recordings alone.
+predicts. Its options are chosen by folds over the fitted recordings alone.
 
     problem.py      recordings of a split as every rival gets them, and the inner folds
     features.py     what a learner may know of a strain history

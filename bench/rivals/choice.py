@@ -18,8 +18,8 @@ class Method:
     """One rival: how it is fitted, and the options to choose from.
 
     `fit` takes data, a random generator and one of `options`; in the inner folds
-    `quick` as well, which saves time. `law`: it is a published law, of which the best
-    is told as well. `package` may be missing.
+    `quick` as well, which saves time. `law` marks a published law; the table
+    also has the one of them that the inner folds pick. `package` may be missing.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What a learner may know of a strain history, up to each moment of it."""
+"""Features of a strain history that learners use; none looks ahead in time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SETS = {
 
 @dataclass(frozen=True)
 class Features:
-    """Columns of histories (n, k), each moved and scaled by what was seen in the fit.
+    """Columns of histories (n, k), each centred and scaled over the fitted recordings.
 
     `memory`: strain behind first-order lags of `times_s`. `largest`: the largest size
     of strain so far. `direction`: -1, 0 or 1. `rate`: the inverse hyperbolic sine of

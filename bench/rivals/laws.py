@@ -28,7 +28,7 @@ from softnn.fit import Data, Fit, Piece
 from softnn.models.units import build
 from softnn.simulate import Term, simulate
 
-THINNEST = 0.02  # stretch of what is pushed flat
+THINNEST = 0.02  # smallest stretch
 STEEPEST = 30.0  # exponent of Fung's law at the largest strain
 EVALUATIONS = 60  # of a fit without derivatives
 

@@ -18,7 +18,7 @@ Row = Mapping[str, Any]
 
 
 def key_of(row: Row) -> str:
-    """What a prediction is called: set, group and what is held out."""
+    """Name of a prediction: set, group and the recordings held out."""
     return " ".join(
         filter(None, (row["set"], row["group"], row["split"], row["label"]))
     )
@@ -112,8 +112,8 @@ def as_markdown(found: Mapping[str, Row], what: Mapping[str, str]) -> str:
 ABOUT = (
     "Error: NRMSE on recordings that no fit used. Error over softnn's: geometric mean, "
     "above 1 where softnn is better; with a 95 % bootstrap interval over the "
-    f"predictions. An error above {100 * WORST:.0f} %, that of no stress at all, counts "
-    "as that in the mean, for softnn too."
+    f"predictions. An error above {100 * WORST:.0f} % (that of predicting no stress) "
+    "counts as that in the mean, for softnn too."
 )
 
 
