@@ -29,7 +29,7 @@ SPRINGS = ("neo_hooke", "fung")  # of the two forges alike
 def null():
     """A case with nothing concealed, in white noise; its forge knows no `acting`."""
     for index in range(80):
-        case = draw(5, index, "null", "development")
+        case = draw(3, index, "null", "development")
         white = case.noise.kind == "white"
         if white and case.setup.material.skeleton in SPRINGS:
             return case, index
@@ -41,7 +41,7 @@ def forged(null, tmp_path):
     """The case, its truth and its recordings as files tell them."""
     case, index = null
     forging.write(
-        replace(case, rng=np.random.default_rng(1)), "c", tmp_path, [5, index]
+        replace(case, rng=np.random.default_rng(1)), "c", tmp_path, [3, index]
     )
     truth = json.loads((tmp_path / "truth/c/truth.json").read_text())
     names = [r["name"] for r in truth["recordings"]]

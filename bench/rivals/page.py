@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.rivals import learners
 from bench.rivals.table import (
     ABOUT,
     ANY,
@@ -19,6 +20,7 @@ from bench.rivals.table import (
     plain,
     verdict,
 )
+from softnn.mismatch.base import SEARCH
 from softnn.study.common import made_with, markdown, percent
 
 if TYPE_CHECKING:
@@ -33,6 +35,14 @@ HOW = (
     "times, features, sizes) is chosen by leaving out fitted recordings, one at a time "
     "or one rate or amplitude at a time. The error is the NRMSE on the recordings that "
     "are predicted, as `python -m studies.recordings` computes it."
+)
+DRAWN = (
+    "To save time some learners draw from these samples: the Gaussian process predicts "
+    "from {process}, the network learns from {network}, and PySINDy from {regressed}. "
+    "All learners see the strain, its fading memories of seven lengths, the largest "
+    "strain so far, its direction, rate, reversals and length of way, and the "
+    "temperature where it was measured. Each may also learn what a piecewise-linear fit "
+    "leaves, where the inner folds prefer that."
 )
 SHORT = "[All predictions, and how each method was fitted](rivals.md)."
 
@@ -60,11 +70,16 @@ def page_count(found: Result) -> str:
 
 def whole(page: Page, found: Result) -> None:
     """The summary, who wins where, and every error."""
-    from softnn.mismatch.base import SEARCH
-
     rows, what = found["predictions"], found["methods"]
     page.say(
+        "For readers who ask whether a simpler fit, a published law or a learner "
+        "predicts recordings as well as softnn does.",
         HOW.format(search=SEARCH),
+        DRAWN.format(
+            process=learners.PROCESS_ROWS[1],
+            network=learners.NETWORK_ROWS,
+            regressed=learners.REGRESSED,
+        ),
         page_count(found),
         as_markdown(found["summary"], what),
         ABOUT,
