@@ -41,8 +41,8 @@ DRAWN = (
     "from {process}, the network learns from {network}, and PySINDy from {regressed}. "
     "All learners see the strain, its fading memories of seven lengths, the largest "
     "strain so far, its direction, rate, reversals and length of way, and the "
-    "temperature where it was measured. Each may also learn what a piecewise-linear fit "
-    "leaves, where the inner folds prefer that."
+    "temperature where it was measured. Each may also learn the residual of a "
+    "piecewise-linear fit, where the inner folds prefer that."
 )
 SHORT = "[All predictions, and how each method was fitted](rivals.md)."
 
