@@ -159,8 +159,8 @@ def pysindy(
 ) -> Predict:
     """A sparse polynomial of features, of degree 1 or 2, by PySINDy's STLSQ.
 
-    The equation is for the stress itself: its derivative in time, of which SINDy finds
-    equations elsewhere, is lost in the noise of a load cell.
+    The equation is for the stress itself. SINDy elsewhere finds equations for a time
+    derivative; here that would differentiate the noise of a load cell.
     """
     library = import_module("pysindy").PolynomialLibrary(degree=degree)
     sparse = import_module("pysindy.optimizers")
