@@ -403,6 +403,9 @@ def test_the_page_tells_every_prediction(tmp_path):
         in cells
     )
     assert "| foam rate 1 | 20.0 | 10.0 | 40.0 | - |" in cells
+    # Half and four times softnn's error; the set is none of development.
+    assert "| error over softnn's | rate (2) | sets held back (2) |" in cells
+    assert "| rival a | 1.41 | 1.41 |" in cells
     assert "at commit abc1234" in text
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.recordings.sets import DEVELOPMENT
 from bench.rivals import learners
 from bench.rivals.table import (
     ABOUT,
@@ -85,6 +86,8 @@ def whole(page: Page, found: Result) -> None:
         ABOUT,
         verdict(found["summary"], what),
         "## By what is predicted",
+        "The rules of softnn were made with the sets of development in sight. The sets "
+        "held back were opened when the rules stood.",
         by_kind(rows, what),
         "## Every prediction",
         "In each line the best single method is marked by a star. The law and the "
@@ -98,23 +101,26 @@ def whole(page: Page, found: Result) -> None:
 
 
 def by_kind(rows: list[Result], what: Mapping[str, str]) -> str:
-    """Geometric mean of each method's error over softnn's, by kind of split."""
+    """Geometric mean of each method's error over softnn's, for parts of the rows."""
     kinds: dict[str, list[Result]] = {}
     for r in rows:
         name = f"beyond the {r['split']}s fitted" if r["outside"] else r["split"]
         kinds.setdefault(name, []).append(r)
+    for name, known in (("sets of development", True), ("sets held back", False)):
+        some = [r for r in rows if (r["set"] in DEVELOPMENT) == known]
+        kinds |= {name: some} if some else {}
     lines = []
     for name in (n for n in rows[0]["errors"] if n != SOFTNN):
-        cells = []
-        for some in kinds.values():
-            logs = [
-                np.log(capped(r["errors"][name]) / capped(r["errors"][SOFTNN]))
-                for r in some
-            ]
-            cells.append(f"{np.exp(np.mean(logs)):.2f}")
+        cells = [f"{ratio(some, name):.2f}" for some in kinds.values()]
         lines.append([what.get(name, name), *cells])
     heads = [f"{n} ({len(some)})" for n, some in kinds.items()]
     return markdown(["error over softnn's", *heads], lines)
+
+
+def ratio(rows: list[Result], name: str) -> float:
+    """Geometric mean of a method's error over softnn's."""
+    errors = [(capped(r["errors"][name]), capped(r["errors"][SOFTNN])) for r in rows]
+    return float(np.exp(np.mean([np.log(e / own) for e, own in errors])))
 
 
 def every(rows: list[Result], what: Mapping[str, str]) -> str:
