@@ -26,6 +26,9 @@ from bench.hands import forging
 from bench.limits import trial as limits_trial
 from bench.recordings import trial as recordings_trial
 from bench.recordings.groups import Group, discover
+from bench.rivals import methods as rival_methods
+from bench.rivals.choice import judged
+from bench.rivals.problem import problem_of
 from bench.survivor import data as survivor_data
 from bench.survivor import networks as survivor_networks
 from softnn.actuator import walk
@@ -292,6 +295,24 @@ def recordings(result: Result, rng: Rng) -> Iterator[Row]:
         yield f"{row['set']} {row['group']}, {kind} {row['label']}", was, said
 
 
+def rival(result: Result, rng: Rng) -> Iterator[Row]:
+    """All rivals on one prediction of real recordings after the other."""
+    known = {m.name: m for m in rival_methods.METHODS if not rival_methods.missing(m)}
+    for row in shuffled(result["rows"], rng):
+        group = next(
+            g
+            for g in groups_of([row["set"]]).values()
+            if (g.set, g.name) == (row["set"], row["group"])
+        )
+        split = next(s for s in group.splits if s.label == row["label"])
+        problem = problem_of(group, split, result["samples"])
+        found = [f for f in row["found"] if f["method"] in known]
+        keys = ("method", "nrmse", "inner_nrmse", "options")
+        now = [judged(known[f["method"]], problem, result["seed"]) for f in found]
+        was, said = ([some(f, keys) for f in rows] for rows in (found, now))
+        yield f"{row['set']} {row['group']}, {row['label']}", was, said
+
+
 def lacking(result: Result, rng: Rng) -> Iterator[Row]:
     """One network trained and diagnosed after the other."""
     known = {one["label"]: (one, settings) for one, settings in lacks.wanted()}
@@ -457,8 +478,6 @@ CHECKERS = {
     "cost": Checker(costs, TIMED),
     "speed": Checker(speeds, TIMED),
     "speed_models": Checker(model_speeds, TIMED),
-    "rivals": Checker(
-        not_checked="its file keeps shares of cases, not the answers to single cases"
-    ),
+    "rivals": Checker(rival, TRAINED),
     "scaling": Checker(not_checked="it needs a database server"),
 }

@@ -14,6 +14,7 @@ from bench.concealed.unlisted import UNLISTED
 from bench.limits import reporting as limits_report
 from bench.proof import concealed, limits, make, others, page
 from bench.reporting import publish
+from bench.rivals import table as rivals_table
 from bench.scoring import Rate, Truth
 from softnn.json_file import plain
 from softnn.study import common
@@ -108,24 +109,16 @@ def cost_found() -> dict:
 
 
 def rivals_found() -> dict:
-    row = {"right": Rate(3, 4).entry(), "alarms": None, "heldout_nrmse": 0.0123}
-    trial = {
-        "record": {"strength": 1, **MADE},
-        "table": {
-            "softnn": row,
-            "bic": {
-                **row,
-                "right": Rate(4, 4).entry(),
-                "paired": {"ratio": 0.998, "low": 0.91, "high": 1.09, "of": 4},
-            },
-        },
-        "wins": [
-            {"rival": "bic", "column": "right", "rival_value": 1, "softnn_value": 0.75}
-            | {"apart": apart}
-            for apart in (None, False)
-        ],
+    errors = {"base": 0.2, "softnn": 0.1, "trees": 0.4}
+    row = {"set": "foam", "group": "a", "split": "rate", "label": "1 /s"}
+    row |= {"outside": False, "errors": errors | {"best_law": 0.3, "best_rival": 0.4}}
+    return {
+        "predictions": [row],
+        "summary": rivals_table.summary([row]),
+        "methods": {"trees": "boosted trees", "softnn": "softnn"},
+        "recordings_study": MADE,
+        **MADE,
     }
-    return {"trials": {"strength-1": trial}}
 
 
 def copy_of(name: str, fault: str, found: bool = False, there: bool = False) -> dict:
@@ -209,11 +202,11 @@ def test_the_page_quotes_the_results(tmp_path):
     assert "names 0.66 of what the oracle sees; 0 of 1 effects" in text
     assert "takes 4.0 s (x, 2 cores)" in text
     assert "0.98 when every sample is used, and - with the effects" in text
-    ahead = "bic (right and alone, 1 against 0.75"
-    assert f"Better than softnn: {ahead}); {ahead}, within the intervals)." in text
-    assert "| softnn | 75 % (30 to 95) | - | - | - | 1.23 % | - | - |" in cells
-    bic = "| bic | 100 % (51 to 100) | - | - | - | 1.23 % | - | 1.00 (0.91 to 1.09) |"
-    assert bic in cells
+    # Twice the error of softnn's base, four times that of softnn itself.
+    assert "| boosted trees | 40.0 % | 4.00 | 4.00 to 4.00 | 0 of 1 | 0 of 1 |" in cells
+    assert "No rival is ahead of softnn by the geometric mean." in text
+    assert text.index("boosted trees") < text.index("| foam a ")  # the first table
+    assert "| foam a rate 1 /s | 20.0 % |" in (docs / "rivals.md").read_text()
     named, lost = "mullins_softening | 21.00 % | 3.71 %", "no: no permanent_set"
     assert [c for c in cells if c.startswith("| foam")] == [
         f"| foam a | specimen 4, 5 | {named} | 4.0 % and 25 % of the base's, met | "
@@ -224,7 +217,7 @@ def test_the_page_quotes_the_results(tmp_path):
     assert "| a new name, nothing made | 25 % (5 to 70) | 4 |" in cells
     assert f"to be found on top of what is there. {SAID}" in text
     assert "Strength 0.3, seed 10007: 61 cases" in text
-    assert text.count(SAID) == 4  # two trials, the rivals, the made faults
+    assert text.count(SAID) == 5  # two trials, the rivals twice, the made faults
     assert "within 5 % of their range, 100 % (68 to 100) of 8 were found" in text
     lost = [c for c in cells if c.startswith(("| film a", "| tape a"))]
     assert lost == [  # what is least explained first

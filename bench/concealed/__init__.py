@@ -1,6 +1,7 @@
 r"""A forge of concealed cases: does `softnn diagnose` name the physics left out?
 
-Nothing in here but `trial.py`, `reporting.py` and `noise_check.py` knows softnn. The
+Nothing in here but `trial.py`, `reporting.py`, `unseen.py`, `acting.py` and
+`noise_check.py` knows softnn. The
 forge has its own material laws, its own integrators and its own functional form for
 every effect, so that a diagnosis cannot succeed by meeting its own formulae again. One
 fine uniform clock (`programmes.STEP_S`) carries all signals; what is written down is
@@ -19,6 +20,8 @@ sampled from it.
     forge.py        a case: drawn, run, its answer beside it
     sealing.py      cases on disk, the sealed key, truths that came from elsewhere
     details.py      what only the key of this forge can tell of a diagnosis
+    unseen.py       what corrected models predict of recordings beside a truth
+    acting.py       where what other hands concealed acts
     noise_check.py  noise as softnn reads it, where the exact truth is known
     reporting.py    tables, confusion matrix, result file, MLflow
     trial.py        forge or take in, diagnose, open the key, score, report

@@ -11,6 +11,15 @@ import pandas as pd
 
 from bench.scoring import Rate, Row, Truth, median, rate, row
 
+# Faults of single recordings, which held recordings by other hands do not have.
+OF_ONE_RECORDING = {
+    "slack",
+    "grip_slip",
+    "zero_offset",
+    "gain_error",
+    "load_cell_drift",
+}
+HARMED = 1.1  # times the error of the base: a correction that does harm
 ACCEPTED = 0.05  # NRMSE of the base alone up to which a fit is accepted by eye
 
 
@@ -101,6 +110,42 @@ def details(rows: Sequence[Row]) -> dict[str, Any]:
         "unseen_over_floor": median(r["unseen"] for r in listed),
         "unseen_of": sum(r["unseen"] is not None for r in listed),
     }
+
+
+def located(rows: Sequence[Row]) -> dict[str, Any]:
+    """Location and gain of cases by other hands, as far as their truths tell.
+
+    `held_ratio` is the error of the corrected model over that of the base on noise-free
+    recordings. Those leave out `OF_ONE_RECORDING`, so cases that conceal such a fault
+    have less to gain there; `shared` are the others.
+    """
+    listed = [r for r in rows if r["effects"]]
+    shared = [r for r in listed if not set(r["effects"]) & OF_ONE_RECORDING]
+    apart = {"all": listed, "shared": shared} | {
+        c: [r for r in rows if r["cls"] == c] for c in sorted({r["cls"] for r in rows})
+    }
+    return {
+        "region_f1": median(r["f1"] for r in listed),
+        "region_f1_of": sum(r["f1"] is not None for r in listed),
+        "held_ratio": median(map(gain, listed)),
+        "held_ratio_of": sum(gain(r) is not None for r in listed),
+        "located": {
+            name: {
+                "f1": median(r["f1"] for r in some),
+                "f1_of": sum(r["f1"] is not None for r in some),
+                "held_ratio": median(map(gain, some)),
+                "held_harmed": sum((gain(r) or 0) > HARMED for r in some),
+                "held_of": sum(gain(r) is not None for r in some),
+            }
+            for name, some in apart.items()
+        },
+    }
+
+
+def gain(row: Row) -> float | None:
+    """Error of the corrected model over that of the base on held recordings."""
+    held = row["held"]
+    return None if held is None else held["after"] / max(held["before"], 1e-12)
 
 
 def grouped(rows: Sequence[Row], key: str) -> dict[Any, list[Row]]:

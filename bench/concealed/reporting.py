@@ -53,13 +53,17 @@ def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str,
         accepted = hidden["groups"].get("single", {}).get("right")
         what = f"one effect, right, the base alone within {limit}"
         row("accepted_right", what, accepted, 0.90)
-        row("region_f1", "regions, median F1", scores["region_f1"], 0.8)
         for key, where in (("heldout", "held-out"), ("unseen", "unseen programme's")):
             what = f"{where} NRMSE over the noise, median"
             row(f"{key}_over_floor", what, scores[f"{key}_over_floor"], 1.2, False)
         row(
             "power_over_oracle", "found, over the oracle's power", scores["power"], 0.85
         )
+    if "region_f1" in scores:
+        row("region_f1", "regions, median F1", scores["region_f1"], 0.8)
+    if "held_ratio" in scores:
+        what = "noise-free held recordings: error over the base's, median"
+        row("held_ratio", what, scores["held_ratio"], 0.2, least=False)
     row("seconds_alone", "one case, s", record.get("seconds_alone"), 6.0, least=False)
     return rows
 
@@ -95,6 +99,8 @@ def as_markdown(rows: Sequence[Mapping[str, Any]], scores: Mapping[str, Any]) ->
     """The tables of a trial: bars, what is seen and what is not, causes of misses."""
     tables = [bars_table(rows), parts_table(scores), effects_table(scores)]
     tables += [calibration_table(scores["all"]["calibration"])]
+    if "located" in scores:
+        tables.append(located_table(scores["located"]))
     if "noise_check" in scores:
         tables.append(noise_check.table(scores["noise_check"]))
     return "\n\n".join([*tables, causes_table(scores["misses"])])
@@ -157,6 +163,24 @@ def effects_table(scores: Mapping[str, Any]) -> str:
         extra = [None if v is None else f"{v:.2f}" for v in extra]
         rows.append([name, cell(e), cell(e["first"]), cell(e["named"]), *extra])
     return markdown([*heads, *(["oracle", "F1"] if known else [])], rows)
+
+
+def located_table(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """Location, and gain on held recordings without noise, class by class."""
+    heads = ["cases", "regions, median F1", "of", "error over the base's, median"]
+    names = {"all": "with an effect", "shared": "no fault of single recordings"}
+    rows = [
+        [
+            names.get(name, name),
+            None if e["f1"] is None else f"{e['f1']:.2f}",
+            e["f1_of"],
+            None if e["held_ratio"] is None else f"{e['held_ratio']:.2f}",
+            e["held_harmed"],
+            e["held_of"],
+        ]
+        for name, e in found.items()
+    ]
+    return markdown([*heads, "harmed", "of"], rows)
 
 
 def calibration_table(told: Mapping[str, Any]) -> str:

@@ -28,9 +28,10 @@ from pathlib import Path
 from typing import Any
 
 from bench import ledger, scoring
-from bench.concealed import details, noise_check, orders, rivals, sealing
+from bench.concealed import acting, details, noise_check, orders, rivals, sealing
+from bench.concealed.details import located
 from bench.concealed.reporting import report
-from bench.concealed.unseen import simulate_unseen
+from bench.concealed.unseen import held_errors, simulate_unseen
 from softnn.contracts import InputError
 from softnn.study.common import (
     RESULTS,
@@ -242,8 +243,12 @@ def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
         scores = scoring.summary(rows) | details.details(rows)
         explain_misses(scores["misses"], answers)
     else:
-        rows = [scoring.row(t, diagnoses[t.case]) for t in truths]
-        scores = scoring.summary(rows)
+        rows = [
+            scoring.row(t, diagnoses[t.case])
+            | where_and_gain(t.case, place, folder / "diagnoses", diagnoses[t.case])
+            for t in truths
+        ]
+        scores = scoring.summary(rows) | located(rows)
     if a.noise_check:
         scores["noise_check"] = noise_check.check(place, truths)
     (folder / "rows.json").write_text(json.dumps(rows, indent=1) + "\n")
@@ -252,6 +257,18 @@ def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
     right = {c: f"{n['right']} of {n['of']}" for c, n in naming.items()}
     lacking = len(undiagnosed(folder, place / "cases"))  # and so counted as wrong
     ledger.enter(opening | {"right": right, "undiagnosed": lacking}, where, aside)
+
+
+def where_and_gain(
+    case: str, place: Path, diagnosed: Path, diagnosis: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Of a case by other hands: F1 of the regions, errors on its held recordings."""
+    told = place / "truth" / case
+    truth = json.loads((told / "truth.json").read_text(encoding="utf-8"))
+    return {
+        "f1": acting.f1(truth, diagnosis, place / "cases" / case),
+        "held": held_errors(told, diagnosed / case),
+    }
 
 
 def books(smoke: bool) -> list[Path]:

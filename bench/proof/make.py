@@ -1,8 +1,8 @@
 """What was concealed, what was found, what was not, and why: a page or two.
 
 `python -m studies.proof` writes docs/proof.md, docs/proof-hands.md of the trial by
-other hands, and their figures, from the JSON files in studies/results alone; what has
-not been run is said to be so.
+other hands, docs/rivals.md of other methods, and their figures, from the JSON files in
+studies/results alone; what has not been run is said to be so.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from pathlib import Path
 from bench.proof import hands as proof_hands
 from bench.proof.concealed import concealed
 from bench.proof.limits import limits
-from bench.proof.others import cost, recordings, rivals
+from bench.proof.others import cost, recordings
 from bench.proof.page import MADE, OTHER, Page
 from bench.recordings import history
 from bench.reporting import between
+from bench.rivals import page as rivals
 from softnn.study.common import RESULTS, RUNS, guarded, parser
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -32,13 +33,17 @@ def make(results: Path, folder: Path) -> Path:
     other.section("Hardly changed", "stability", proof_hands.stability)
     other.section("All that was ever opened", "ledger", proof_hands.openings)
     other.write("proof-hands.md")
+    beside = Page(results, folder)
+    beside.say("# What a user would pick instead", MADE)
+    beside.section("Real recordings, other methods", "rivals", rivals.whole)
+    beside.write("rivals.md")
     page = Page(results, folder)
     page.say("# The proof", MADE)
     page.say("Cases made by other hands, and all that was ever opened: " + OTHER)
+    page.section("What a user would pick instead", "rivals", rivals.short)
     page.section("Real recordings", "recordings", recordings)
     page.section("What was concealed", "concealed", concealed)
     page.section("How small it may be", "limits", limits)
-    page.section("Other methods on the same cases", "rivals", rivals)
     page.section("What it costs", "cost", cost)
     return page.write()
 

@@ -1,66 +1,18 @@
-"""The page's sections on other methods, real recordings and cost."""
+"""The page's sections on real recordings and cost."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from bench.cost import cost_figure
-from bench.proof.concealed import strength_of, trials_of
 from bench.proof.page import Page, Result
 from bench.recordings import history
 from bench.reporting import share
-from bench.rivals import table
 from softnn.models.units import BASES
 from softnn.study.common import made_with, markdown, percent
 
 BASE = "pl-wiechert"  # of the real recordings that are shown
-
-
-def rivals(page: Page, found: Result) -> None:
-    """What every method made of the same cases, and where softnn is beaten."""
-    heads = {
-        "right": "right and alone",
-        "accepted": "the same, base accepted by eye",
-        "alarms": "false alarms",
-        "wrong": "wrong name",
-        "heldout_nrmse": "held-out NRMSE",
-        "seconds": "s a case",
-    }
-    for t in trials_of(found):
-        rows = []
-        for name, row in t["table"].items():
-            cells: list[str | None] = [name]
-            for key in heads:
-                entry = row.get(key)
-                if isinstance(entry, Mapping):
-                    cells.append(share(entry))
-                elif entry is None:
-                    cells.append(None)
-                elif key == "heldout_nrmse":
-                    cells.append(percent(entry))
-                else:
-                    cells.append(f"{entry:.2g}")
-            rows.append([*cells, table.versus(row)])
-        head = [f"strength {strength_of(t):g}", *heads.values(), table.VERSUS]
-        page.say(
-            markdown(head, rows),
-            beaten(t.get("wins", []), heads),
-            made_with(t["record"]),
-            t["record"].get("note", ""),
-        )
-
-
-def beaten(wins: Sequence[Mapping[str, Any]], heads: Mapping[str, str]) -> str:
-    if not wins:
-        return "No rival is better in any column."
-    parts = [
-        f"{w['rival']} ({heads.get(w['column'], w['column'])}, "
-        f"{w['rival_value']:.3g} against {w['softnn_value']:.3g}"
-        + (", within the intervals)" if w["apart"] is False else ")")
-        for w in wins
-    ]
-    return "Better than softnn: " + "; ".join(parts) + "."
 
 
 def bases(found: Mapping[str, Mapping[str, Any]]) -> str:

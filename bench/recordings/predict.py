@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array
+from softnn.fit import Data
 from softnn.mismatch.case import Case, mask_failure, mask_gaps, thin, to_data
 from softnn.model_file import from_dict
 
@@ -37,12 +38,22 @@ def misses(
     (least squares, for each model its own). `only` are the samples (n,) to count.
     """
     data = to_data(case)
-    out: dict[str, list[Array]] = {name: [] for name in (*models, "squares")}
     none = [None] * len(data.chunks)
     stress = {
         name: from_dict(dict(model)).stress(data.names, data.chunks, none)
         for name, model in models.items()
     }
+    return misses_of(stress, data, scale, only)
+
+
+def misses_of(
+    stress: Mapping[str, Sequence[Array]],
+    data: Data,
+    scale: bool,
+    only: Sequence[NDArray[np.bool]] | None = None,
+) -> dict[str, Array]:
+    """The same of stress (n,) that was predicted for each recording, by name."""
+    out: dict[str, list[Array]] = {name: [] for name in (*stress, "squares")}
     for r, measured in enumerate(data.stress_MPa):
         good = np.isfinite(measured)
         if only is not None:

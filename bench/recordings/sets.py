@@ -99,6 +99,17 @@ def read_zeroed(folder: Path, unusable: dict[str, str]) -> list[Recording]:
     ]
 
 
+# Sets that were looked at while the rules of prediction were made (docs/decisions.md,
+# 28 November 2026); the others were held back until the rules stood.
+DEVELOPMENT = (
+    "foam-tpe-tension-cyclic",
+    "rubber-compression-relaxation",
+    "gelatin-zwick-air-control",
+    "etfe-film-cyclic-dic",
+    "vhb4910-zhao",
+    "sea-bench-springs",
+)
+
 FOAM_BARS = {"ratio": 0.25, "nrmse": 0.04}
 
 SETS: dict[str, About] = {

@@ -1,116 +1,127 @@
-"""A case as every rival gets it: recordings, base at its best, noise, residual."""
+"""Recordings of one split as every rival gets them."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
-from pathlib import Path
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bench.rivals import columns, folds
-from softnn.contracts import Array, Effect
-from softnn.fit import Data, Engine, Fit, fit
-from softnn.mismatch.base import Baseline, beyond, start
-from softnn.mismatch.candidates import candidates
-from softnn.mismatch.case import read_case
-from softnn.mismatch.screen import Screen
+from bench.recordings.groups import Group, Split, alike, amplitude, distinct, rate
+from bench.recordings.predict import misses_of, usable
+from softnn.contracts import Array, Chunk
+from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
+from softnn.mismatch.base import SEARCH, nuisance, units_for
+from softnn.mismatch.case import to_data
+from softnn.models.units import Units
 
-T = TypeVar("T")
+MOST_FOLDS = 4
+STRETCHES = 4  # of a single recording, left out one at a time
+SIGMA = 0.01  # of the largest stress, alike for all samples: least squares in stress
+
+Predict = Callable[[Sequence[Chunk]], list[Array]]
+"""Stress (n,) of each history in MPa."""
+Mask = tuple[NDArray[np.bool], ...]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Problem:
-    """What a rival may know of a case; parts are made when first asked for.
+    """Recordings to fit and recordings to predict.
 
-    `seconds` holds what each part took, so that a method is charged for what it uses.
+    The stress of `known` is divided by the scale of its specimen. `folds` are the inner
+    folds: samples (n,) of each recording to leave out. `scaled`: the stress of a
+    recording is met up to a factor, as it is for softnn (`bench.recordings.predict`).
     """
 
-    name: str
-    data: Data
-    base: Baseline
-    seconds: dict[str, float] = field(default_factory=dict)
+    known: Data
+    unseen: Data
+    folds: tuple[Mask, ...]
+    scaled: bool
 
-    def timed(self, part: str, make: Callable[[], T]) -> T:
-        begun = time.perf_counter()
-        made = make()
-        self.seconds[part] = time.perf_counter() - begun
-        return made
+    def error(self, predict: Predict, seen: Data, only: Mask | None = None) -> Array:
+        """Sums of squared errors and of squared stress over samples, (2,)."""
+        stress = predict(seen.chunks)
+        found = misses_of({"rival": stress}, seen, self.scaled, only)
+        return np.array([found["rival"].sum(), found["squares"].sum()])
 
-    @property
-    def engine(self) -> Engine:
-        return self.base.engine
 
-    @property
-    def residual(self) -> Array:
-        """Measured minus simulated (valid,), MPa."""
-        return self.engine.target - self.base.fit.stress
+def nrmse(sums: Array) -> float:
+    """The NRMSE of sums of squares (2,); infinite where a prediction is no number."""
+    value = float(np.sqrt(sums[0] / max(sums[1], 1e-300)))
+    return value if np.isfinite(value) else float("inf")
 
-    @cached_property
-    def noise_power(self) -> float:
-        """Sum of the noise variances of all samples, MPa^2."""
-        return float(np.sum(self.engine.sigma**2))
 
-    @cached_property
-    def pool(self) -> list[Effect]:
-        return candidates(self.engine, self.base.name, self.base.fixed)
+def problem_of(group: Group, split: Split, samples: int) -> Problem:
+    """The split as softnn gets it: the search's samples, and `samples` to predict."""
+    case = usable(group.case(split.fit), samples)
+    known = to_data(usable(case, SEARCH))
+    unseen = to_data(usable(group.case(split.unseen), samples))
+    if group.specimens:
+        scales = specimen_scales(known, case.groups())
+        stress = [s / k for s, k in zip(known.stress_MPa, scales, strict=True)]
+        known = replace(known, stress_MPa=tuple(stress))
+    folds = tuple(inner_folds([group.recordings[i] for i in split.fit], split, known))
+    return Problem(known, unseen, folds, group.specimens)
 
-    @cached_property
-    def features(self) -> columns.Features:
-        return self.timed(
-            "features", lambda: columns.features(self.engine, self.base.fit.stress)
+
+def specimen_scales(data: Data, groups: Sequence[tuple[int, ...]]) -> list[float]:
+    """A factor for each recording, from the piecewise-linear base fitted to all."""
+    pieces = nuisance(data, groups)
+    if not pieces:
+        return [1.0] * len(data.chunks)
+    found = least_squares(data, units_for("pl-wiechert", data), pieces)
+    errors = np.asarray(found.guess.pieces[0].values["error"], float)
+    return [float(1 + e) for e in errors]
+
+
+def least_squares(
+    data: Data, units: Units, pieces: Sequence[Piece] = (), iterations: int = 12
+) -> Fit:
+    """Springs, branches and pieces by least squares in stress, all samples alike."""
+    engine = Engine(data)
+    sigma = SIGMA * engine.level
+    engine.set_noise([np.full(len(s), sigma) for s in data.stress_MPa], None)
+    guess = Guess(units, np.zeros(units.columns), tuple(pieces))
+    return fit(engine, guess, iterations=iterations)
+
+
+def inner_folds(recordings: Sequence, split: Split, data: Data) -> list[Mask]:
+    """Recordings to leave out together; stretches where there is but one.
+
+    A split by rate or amplitude is judged by levels of that kind, so that a replicate
+    of the recording left out does not stay among the others.
+    """
+    none = [np.zeros(len(s), bool) for s in data.stress_MPa]
+    if len(recordings) == 1:
+        known = np.flatnonzero(np.isfinite(data.stress_MPa[0]))
+        parts = np.array_split(known, STRETCHES)
+        return [(np.isin(np.arange(len(none[0])), part),) for part in parts]
+    out = []
+    for members in together(recordings, split.by):
+        out.append(
+            tuple(np.ones_like(m) if i in members else m for i, m in enumerate(none))
         )
-
-    @cached_property
-    def dictionary(self) -> columns.Dictionary:
-        return self.timed(
-            "dictionary",
-            lambda: columns.dictionary(self.engine, self.base.fit, self.pool),
-        )
-
-    @cached_property
-    def screen(self) -> Screen:
-        """What the base may still absorb, with samples whitened by the noise."""
-        return Screen(self.engine, self.base.fit)
-
-    @cached_property
-    def plain(self) -> tuple[Engine, Fit]:
-        """The same fit with all samples alike: white noise of one level."""
-        return self.timed("plain", self._plain)
-
-    def _plain(self) -> tuple[Engine, Fit]:
-        engine = Engine(self.data)
-        if self.base.fixed and self.data.simulated_MPa is not None:
-            engine = beyond(self.data, self.data.simulated_MPa, self.base.fit.guess)
-        found = alike(engine, self.base.fit)
-        return engine, alike(engine, found)
-
-    @cached_property
-    def plain_screen(self) -> Screen:
-        return Screen(*self.plain)
-
-    @cached_property
-    def folds(self) -> list[folds.Fold]:
-        """The base refitted without each recording."""
-        return self.timed("folds", lambda: folds.of(self.engine, self.base.fit))
+    return out
 
 
-def alike(engine: Engine, found: Fit) -> Fit:
-    """The fit again, every sample weighed by the root mean square of what is left."""
-    left = engine.target - engine.run(found.guess, False)[0]
-    level = max(float(np.sqrt(np.mean(left**2))), 1e-12 * engine.level)
-    engine.set_noise([np.full(len(s), level) for s in engine.data.stress_MPa], None)
-    return fit(engine, found.guess, fixed_base=found.fixed_base, iterations=4)
+def together(recordings: Sequence, by: str) -> list[list[int]]:
+    """Indices of recordings that are left out together, in `MOST_FOLDS` at most."""
+    every = list(range(len(recordings)))
+    sets = [[i] for i in every]
+    if by in ("rate", "amplitude"):
+        values = [rate(r) if by == "rate" else amplitude(r) for r in recordings]
+        levels = distinct(values)
+        by_level = [[i for i in every if alike(values[i], v)] for v in levels]
+        if len(by_level) > 1:
+            sets = by_level
+    count = min(len(sets), MOST_FOLDS)
+    return [sorted({i for s in sets[k::count] for i in s}) for k in range(count)]
 
 
-def read(folder: str | Path) -> Problem:
-    """The case in `folder`, prepared as the diagnosis prepares it."""
-    begun = time.perf_counter()
-    case = read_case(folder)
-    base = start(case)
-    return Problem(
-        case.name, base.engine.data, base, {"base": time.perf_counter() - begun}
-    )
+def without(data: Data, fold: Mask) -> Data:
+    """The data without the stress of a fold; its strain histories stay."""
+    stress = [
+        np.where(m, np.nan, s) for s, m in zip(data.stress_MPa, fold, strict=True)
+    ]
+    return replace(data, stress_MPa=tuple(stress))

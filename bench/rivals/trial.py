@@ -1,61 +1,70 @@
-"""Does anything else name the physics left out as well? Rivals on the same cases.
+"""Real recordings: does anything that a user would pick instead predict better?
 
-Cases are forged and their key sealed; softnn (by its command) and every rival answer
-all of them, and the hash of the answers goes into the record; then the key is opened
-and one scorer reads them all. Seeds below 10000 are for development; a comparison with
-a seed from 10000 on, of all effects, is written to studies/results/rivals.json with
---publish.
+Every rival predicts the recordings that `python -m studies.recordings` predicts, from
+the recordings that softnn fits there. Errors of the base and of softnn are those of
+the published result of that study. A stopped run goes on; a published error is not
+computed again while recordings, options and the code of the rivals stay the same.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
-import os
-from collections.abc import Mapping, Sequence
-from concurrent.futures import as_completed
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench import ledger, scoring
-from bench.concealed import details, orders, sealing
-from bench.concealed.trial import (
-    books,
-    check,
-    diagnose_rest,
-    forge_into,
-    opening_of,
-    write_record,
+from bench.recordings.groups import Group, Split, discover
+from bench.recordings.rows import MAIN
+from bench.recordings.virtual import made_up
+from bench.reporting import tracked
+from bench.rivals import choice, features, laws, learners, methods, network_b, problem
+from bench.rivals.choice import Method, judged, least
+from bench.rivals.table import (
+    ABOUT,
+    ANY,
+    BASE,
+    BEST_LAW,
+    SOFTNN,
+    as_markdown,
+    joined,
+    summary,
+    verdict,
 )
-from bench.rivals import classifier, methods, table
-from bench.rivals.extra import INSTALL
-from bench.rivals.methods import METHODS, Method, method
-from bench.rivals.problem import read
-from bench.rivals.table import SOFTNN
-from softnn import json_file
 from softnn.contracts import InputError
-from softnn.study.common import guarded, parser, results_folder, runs_folder
-from softnn.workers import workers
+from softnn.database import Store
+from softnn.readers.tidy import data_folder
+from softnn.recording import data_hash
+from softnn.study.common import (
+    RESULTS,
+    database,
+    fingerprint,
+    guarded,
+    parser,
+    provenance_of,
+    results_folder,
+    runs_folder,
+    write_result,
+)
 
-QUICK = (SOFTNN, "bic", "pysindy", "omp", "abess", "gaussian_process")  # of --smoke
+NAME = "rivals"
+PARTS = (choice, features, laws, learners, network_b, problem)
+CODE = [Path(str(part.__file__)) for part in PARTS]
+SMOKE = ("pl_sls", "yeoh", "trees")
+OWN = {
+    BASE: f"the base alone ({MAIN})",
+    SOFTNN: "softnn",
+    BEST_LAW: "the published law that inner folds pick",
+    ANY: "the rival that inner folds pick",
+}
 
 
 def make_parser() -> argparse.ArgumentParser:
-    p = parser("rivals", __doc__)
-    p.add_argument("--cases", type=int, default=10, help="of each effect (10)")
-    p.add_argument("--nulls", type=int, help="ten times --cases")
-    p.add_argument("--unlisted", type=int, help="three times --cases")
-    p.add_argument("--only", nargs="+", default=[], metavar="EFFECT")
-    p.add_argument("--strength", type=float, default=1.0, help="of the effects (1)")
-    p.add_argument("--methods", nargs="+", default=[], metavar="NAME", help="(all)")
-    p.add_argument(
-        "--lessons", type=int, default=12, help="of each effect, for a classifier (12)"
-    )
-    p.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    p.add_argument("--out", type=Path, help="where cases and answers go (mlruns/...)")
-    p.add_argument("--resume", type=Path, metavar="DIR", help="answer the rest, score")
+    p = parser(NAME, __doc__)
+    p.add_argument("--sets", nargs="+", default=[], metavar="SET", help="not all")
+    p.add_argument("--methods", nargs="+", default=[], metavar="NAME", help="not all")
+    p.add_argument("--data", type=Path, metavar="DIR", help="in place of SOFTNN_DATA")
+    p.add_argument("--samples", type=int, default=6000, help="a recording, most (6000)")
     p.add_argument("--tracking", help="MLflow address (mlruns/mlflow.db)")
     return p
 
@@ -67,207 +76,156 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(a: argparse.Namespace) -> None:
-    if a.jobs < 1:
-        raise InputError(f"--jobs is {a.jobs}; at least 1 is needed")
-    if a.resume:
-        folder = a.resume
-        if not (folder / "record.json").exists():
-            raise InputError(f"{folder} holds no record.json; name a trial's folder")
-        record = json.loads((folder / "record.json").read_text())
-        chosen = a.methods or record["methods"]
-    else:
-        chosen = a.methods or (
-            QUICK if a.smoke else (SOFTNN, *(m.name for m in METHODS))
+    wanted = methods.chosen(list(SMOKE) if a.smoke and not a.methods else a.methods)
+    for one in filter(methods.missing, wanted):
+        print(f"{one.name}: skipped, no {one.package}; {methods.INSTALL} has it")
+    wanted = [m for m in wanted if not methods.missing(m)]
+    if not wanted:
+        raise InputError("no rival is left to run")
+    groups, recordings = made_up(a.seed), made_up_rows(a.seed)
+    if not a.smoke:
+        folder = a.data or data_folder()
+        if not any(folder.glob("*/index.csv")):
+            print(
+                f"no sets of recordings in {folder}; set SOFTNN_DATA to their folder. "
+                "Nothing done"
+            )
+            return
+        groups, _ = discover(folder, a.sets)
+        recordings = published_recordings()
+    splits = [(g, s) for g in groups for s in g.splits]
+    with Store(runs_folder(a.smoke) / NAME / "rows.sqlite", fresh=a.smoke) as store:
+        rows = predicted(splits, wanted, a, store)
+    report(rows, recordings, wanted, groups, a)
+
+
+def published_recordings() -> dict[str, Any]:
+    """The published result of the study of real recordings."""
+    file = RESULTS / "recordings.json"
+    if not file.exists():
+        raise InputError(
+            f"{file} is missing; python -m studies.recordings --publish makes it"
         )
-        folder, record = begin(a, plan_of(a))
-    present, absent = available(chosen)
-    for name, package in absent.items():
-        print(f"{name}: skipped, {package} is not installed; {INSTALL} has it")
-    if SOFTNN in chosen:
-        diagnose_rest(folder, record, a.jobs, timed=0)
-    lessons = None
-    if any(m.lessons for m in present):
-        home = runs_folder(record["smoke"])
-        lessons = classifier.lessons(record["lessons"], a.jobs, home / "rivals")
-    answer_all(folder, present, record["seed"], lessons, a.jobs)
-    names = [n for n in (SOFTNN, *(m.name for m in METHODS)) if n in chosen]
-    names = [n for n in names if n not in absent]
-    record |= {
-        "methods": names,
-        "skipped": absent,
-        "jobs": a.jobs,
-        # All methods are done, and nothing can be changed once the key is open.
-        "answers_sha256": seal_answers(folder),
-    }
-    write_record(folder, record)
-    keys = sealing.open_key(folder)
-    told = record | {"generator": "forge", "label": f"rivals, {record['label']}"}
-    opening = opening_of(told, [details.truth_of(k) for k in keys], folder)
-    record["published"] = record["published"] and a.publish
-    where = results_folder(record["smoke"], record["published"])
-    ledger.enter(opening, where, books(record["smoke"]))
-    given = {n: read_answers(folder, n, keys) for n in names}
-    good = accepted(given)
-    rows = {
-        n: table.scores(keys, given[n], good, n == SOFTNN or method(n).names)
-        for n in names
-    }
-    for n in names:
-        if n != SOFTNN and SOFTNN in given:
-            rows[n]["paired"] = table.paired(keys, given[SOFTNN], given[n])
-    what = {m.name: m.what for m in METHODS}
-    body = {
-        "accepted_cases": sum(good.values()),
-        "settings": {m.name: plain_settings(m) for m in present},
-    }
-    table.report(folder, record, rows, what, body, a.tracking)
+    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return found
 
 
-def plan_of(a: argparse.Namespace) -> list[orders.Order]:
-    check(a.only, a.strength, a.cases, a.seed)
-    each, few = (1, ["zero_offset"]) if a.smoke else (a.cases, a.only)
-    nulls = 1 if a.smoke else 10 * each if a.nulls is None else a.nulls
-    unlisted = 1 if a.smoke else 3 * each if a.unlisted is None else a.unlisted
-    return orders.plan(
-        a.seed,
-        a.strength,
-        each=each,
-        nulls=nulls,
-        pairs=0,
-        unlisted=unlisted,
-        only=few,
-    )
+def made_up_rows(seed: int) -> dict[str, Any]:
+    """In place of it for --smoke: errors of nothing that was diagnosed."""
+    rows = [
+        {
+            **about(group, split),
+            "base": MAIN,
+            "kind": "split",
+            "unseen": {"before": 0.1, "after": 0.05},
+        }
+        for group in made_up(seed)
+        for split in group.splits
+    ]
+    return {"rows": rows}
 
 
-def begin(
-    a: argparse.Namespace, plan: Sequence[orders.Order]
-) -> tuple[Path, dict[str, Any]]:
-    """Forge the cases; the folder, and the record with the hash of the key."""
-    for name in a.methods:
-        if name != SOFTNN:
-            method(name)  # refuse a wrong name before an hour of forging
-    label = f"strength-{a.strength:g}"
-    home = runs_folder(a.smoke)
-    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-    folder = a.out or home / "rivals" / f"{label}-seed-{a.seed}-{stamp}"
-    record = {
-        "label": label,
-        "strength": a.strength,
-        "seed": a.seed,
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "published": a.seed >= orders.FIRST_TRIAL_SEED
-        and not (a.only or a.smoke or a.methods),
-        "smoke": a.smoke,
-        "cases": len(plan),
-        "lessons": a.lessons,
-        "methods": list(a.methods)
-        or list(QUICK if a.smoke else (SOFTNN, *(m.name for m in METHODS))),
-        "key_sha256": forge_into(plan, folder, a.jobs),
-    }
-    write_record(folder, record)  # the hash is on file before anybody answers
-    print(f"{len(plan)} cases forged in {folder}; key SHA-256 {record['key_sha256']}")
-    return folder, record
+def about(group: Group, split: Split) -> dict[str, Any]:
+    own = {"split": split.by, "label": split.label, "outside": split.outside}
+    return {"set": group.set, "group": group.name, **own}
 
 
-def available(names: Sequence[str]) -> tuple[list[Method], dict[str, str]]:
-    """Rivals that can run here, and the packages that others lack, by rival."""
-    asked = [method(n) for n in names if n != SOFTNN]
-    absent = {m.name: str(m.package) for m in asked if m.missing}
-    return [m for m in asked if not m.missing], absent
+def key_of(group: Group, split: Split, method: Method, samples: int, seed: int) -> str:
+    """What an error depends on: recordings, split, options and the rivals' code."""
+    parts = [split.by, split.label, split.fit, split.unseen, group.specimens]
+    options = [method.name, method.options, method.quick]
+    content = [data_hash(group.recordings), *parts, *options, samples, seed]
+    return fingerprint(content, files=CODE)
 
 
-def answer_all(
-    folder: Path,
-    present: Sequence[Method],
-    seed: int,
-    lessons: Path | None,
-    jobs: int,
-) -> None:
-    """Every rival on every case; answers that are there already are left alone."""
+def predicted(
+    splits: Sequence[tuple[Group, Split]],
+    wanted: Sequence[Method],
+    a: argparse.Namespace,
+    store: Store,
+) -> list[dict[str, Any]]:
+    """A row for each split, with what every rival made of it."""
     from tqdm import tqdm
 
-    work = []
-    for case in sorted((folder / "cases").iterdir()):
-        left = [
-            m.name for m in present if not answer_file(folder, m.name, case).exists()
-        ]
-        if left:
-            work.append((str(folder), str(case), left, seed, lessons))
-    bar = tqdm(total=len(work), unit="case", desc="rivals", disable=not work)
-    if jobs == 1:
-        for job in work:
-            answer_case(*job)
-            bar.update()
-    elif work:
-        with workers(jobs) as pool:
-            for done in as_completed([pool.submit(answer_case, *j) for j in work]):
-                done.result()
-                bar.update()
-    bar.close()
+    known = at_hand() | store.rows()
+    out = []
+    for group, split in tqdm(splits, unit="prediction", desc=NAME, disable=None):
+        keys = {m.name: key_of(group, split, m, a.samples, a.seed) for m in wanted}
+        todo = [m for m in wanted if keys[m.name] not in known]
+        if todo:
+            given = problem.problem_of(group, split, a.samples)
+        for one in todo:
+            told = judged(one, given, a.seed)
+            store.add(keys[one.name], told)
+            known[keys[one.name]] = told
+        found = [{**known[k], "key": k} for k in keys.values()]
+        out.append({**about(group, split), "found": found, "errors": errors_of(found)})
+    return out
 
 
-def answer_file(folder: Path, name: str, case: Path) -> Path:
-    return folder / "answers" / name / f"{case.name}.json"
+def at_hand() -> dict[str, dict[str, Any]]:
+    """What the published result holds, by key."""
+    file = RESULTS / f"{NAME}.json"
+    if not file.exists():
+        return {}
+    told = json.loads(file.read_text(encoding="utf-8"))
+    return {f["key"]: f for r in told["rows"] for f in r["found"]}
 
 
-def answer_case(
-    folder: str, case: str, names: Sequence[str], seed: int, lessons: Path | None
+def errors_of(found: Sequence[dict[str, Any]]) -> dict[str, float | None]:
+    """The NRMSE of each rival, and of those that the inner folds would pick."""
+    errors = {f["method"]: f["nrmse"] for f in found}
+    law = [m.name for m in methods.METHODS if m.law]
+    errors[BEST_LAW] = least(found, law)["nrmse"]
+    errors[ANY] = least(found, list(errors))["nrmse"]
+    return errors
+
+
+def report(
+    rows: Sequence[dict[str, Any]],
+    recordings: dict[str, Any],
+    wanted: Sequence[Method],
+    groups: Sequence[Group],
+    a: argparse.Namespace,
 ) -> None:
-    """Answers of some rivals to one case; it sees the folder of the case alone."""
-    problem = read(case)
-    for name in names:
-        try:
-            said = methods.answer(method(name), problem, seed, lessons)
-        except (
-            ArithmeticError,
-            IndexError,
-            RuntimeError,
-            ValueError,
-        ) as error:
-            # A rival may fail in its own way; the case then counts as not answered.
-            said = {**scoring.ABSENT, "case": problem.name, "error": repr(error)}
-        path = answer_file(Path(folder), name, Path(case))
-        path.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write(path, said)
-
-
-def seal_answers(folder: Path) -> str:
-    """SHA-256 over all answers, softnn's among them."""
-    digest = hashlib.sha256()
-    files = [
-        *(folder / "answers").rglob("*.json"),
-        *(folder / "diagnoses").rglob("diagnosis.json"),
-    ]
-    for file in sorted(files):
-        digest.update(file.relative_to(folder).as_posix().encode())
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
-
-
-def read_answers(
-    folder: Path, name: str, keys: Sequence[Mapping[str, Any]]
-) -> dict[str, dict[str, Any]]:
-    if name == SOFTNN:
-        return scoring.read_diagnoses((k["case"] for k in keys), folder / "diagnoses")
-    return {
-        k["case"]: json.loads(
-            answer_file(folder, name, Path(k["case"])).read_text(encoding="utf-8")
+    """Print, write and track what came out."""
+    own = [r for r in recordings["rows"] if (r["base"], r["kind"]) == (MAIN, "split")]
+    table = joined(rows, own)
+    if not table:
+        raise InputError(
+            "none of these predictions is in studies/results/recordings.json"
         )
-        for k in keys
+    what = OWN | {m.name: m.what for m in wanted}
+    found = summary(table, a.seed)
+    note = "\n\n".join([as_markdown(found, what), ABOUT, verdict(found, what)])
+    print(note)
+    head: dict[str, Any] = {"predictions": len(table)}
+    for name, one in found.items():
+        keys = ("median", "ratio", "ratio_low", "ratio_high", "ahead", "best")
+        head |= {f"{name}/{k}": one[k] for k in keys}
+    partial = bool(a.sets or a.methods)
+    folder = results_folder(a.smoke, a.publish and not partial)
+    data = {g.label: data_hash(g.recordings) for g in groups}
+    body = {
+        "recordings_study": provenance_of(recordings),
+        "samples": a.samples,
+        "methods": what,
+        "summary": found,
+        "predictions": table,
+        "rows": [{k: v for k, v in r.items() if k != "errors"} for r in rows],
     }
-
-
-def accepted(given: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> dict[str, bool]:
-    """Cases in which the refitted base looks good: one list for all methods."""
-    out: dict[str, bool] = {}
-    for answers in given.values():
-        for case, said in answers.items():
-            error = said.get("fit", {}).get("before", {}).get("nrmse")
-            if error is not None:
-                out.setdefault(case, error < table.ACCEPTED)
-    return {c: out.get(c, False) for answers in given.values() for c in answers}
-
-
-def plain_settings(one: Method) -> dict[str, Any]:
-    options, rule = methods.settings(one)
-    return {"options": options, "rule": vars(rule)}
+    path = write_result(NAME, head, body, seed=a.seed, data=data, folder=folder)
+    print(f"\nresult: {path}")
+    digest = fingerprint(data)
+    tracked(
+        NAME,
+        head,
+        database(a.tracking, a.smoke),
+        study=NAME,
+        identity=fingerprint([digest, note]),
+        name="rivals on real recordings",
+        parameters={"samples": a.samples, "seed": a.seed},
+        data=("recordings", digest),
+        note=note,
+        files=[path],
+    )

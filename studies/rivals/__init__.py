@@ -1,1 +1,0 @@
-"""`python -m studies.rivals`: do other methods name the physics left out?"""
