@@ -8,7 +8,6 @@ studies/results alone; what has not been run is said to be so.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,8 +16,7 @@ from bench.proof.concealed import concealed
 from bench.proof.limits import limits
 from bench.proof.others import cost, recordings
 from bench.proof.page import MADE, OTHER, Page
-from bench.recordings import history
-from bench.reporting import between
+from bench.proof.readme import into_readme
 from bench.rivals import page as rivals
 from softnn.study.common import RESULTS, RUNS, guarded, parser
 
@@ -46,17 +44,6 @@ def make(results: Path, folder: Path) -> Path:
     page.section("How small it may be", "limits", limits)
     page.section("What it costs", "cost", cost)
     return page.write()
-
-
-MARK = "<!-- made by python -m studies.proof -->"
-
-
-def into_readme(results: Path, file: Path) -> None:
-    """Write the history of predictions of real recordings between the file's marks."""
-    made = json.loads((results / "recordings.json").read_text(encoding="utf-8"))
-    text = file.read_text(encoding="utf-8")
-    shown = f"{history.table(made['history'])}\n\n{history.ABOUT}"
-    file.write_text(between(MARK, text, shown), encoding="utf-8")
 
 
 def make_parser() -> argparse.ArgumentParser:
