@@ -9,11 +9,11 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.crossval import Folds, score
-from softnn.models.fit_piecewise import PiecewiseFit, fit_jointly
+from softnn.models.fit_piecewise import PiecewiseFit
 from softnn.neural import Samples
 from softnn.recording import Recording
-from softnn.study.baselines import JOINT_BRANCHES, MODELS, WAYS, training_fits
-from softnn.study.material_data import Data, first_loading
+from softnn.study.baselines import MODELS, WAYS, cyclic_fits, training_fits
+from softnn.study.material_data import Data
 
 TREES = "gradient-boosted trees"
 
@@ -78,23 +78,6 @@ def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, list[float]
                 scores = score(folds, np.stack(done), known.target)
                 found[f"{model}, {words}"] = scores.nrmse.tolist()
     return found
-
-
-def cyclic_fits(
-    train: Sequence[Recording],
-    holds: Sequence[Recording],
-    reasons: dict[tuple[str, str], str],
-) -> dict[tuple[str, str], PiecewiseFit]:
-    """The same for whole cycles, which tell a branch from a spring at one rate too.
-
-    From holds and curves, as in the thesis, it is the first loadings that are fitted;
-    jointly, the cycles themselves.
-    """
-    loadings = [first_loading(r, len(r)) for r in train]
-    fits = training_fits(loadings, holds, reasons)
-    for model in MODELS:
-        fits[model, "joint"] = fit_jointly(train, JOINT_BRANCHES[model])
-    return fits
 
 
 def _whole(known: Samples, test: np.ndarray) -> set[int]:
