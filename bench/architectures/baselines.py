@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from softnn.contracts import Array, InputError
-from softnn.crossval import Folds, score
+from softnn.crossval import Folds, Scores, score
 from softnn.models.fit_piecewise import PiecewiseFit
 from softnn.neural import Samples
 from softnn.recording import Recording
@@ -23,19 +23,24 @@ def baselines(
 ) -> list[dict[str, Any]]:
     """Each model with its NRMSE by fold under each name of `folds`, or why not.
 
-    `known` are samples of FFRD4, which the folds split. Everything is fitted without
-    the held-out samples, and chosen without them.
+    R2 by fold is under "r2", by the same names. `known` are samples of FFRD4, which the
+    folds split. Everything is fitted without the held-out samples, and chosen without
+    them.
     """
     found: dict[str, dict[str, Any]] = {}
     for name, split in folds.items():
-        for model, errors in (
+        for model, scores in (
             piecewise(data, known, split) | trees(known, split, seed)
         ).items():
-            found.setdefault(model, {})[name] = errors
+            row = found.setdefault(model, {"r2": {}})
+            if isinstance(scores, str):
+                row[name] = scores
+            else:
+                row[name], row["r2"][name] = scores.nrmse.tolist(), scores.r2.tolist()
     return [{"model": model, **errors} for model, errors in found.items()]
 
 
-def trees(known: Samples, folds: Folds, seed: int) -> dict[str, list[float]]:
+def trees(known: Samples, folds: Folds, seed: int) -> dict[str, Scores]:
     """scikit-learn's histogram gradient boosting, as it comes, on strain and rate."""
     from sklearn.ensemble import HistGradientBoostingRegressor
 
@@ -44,10 +49,10 @@ def trees(known: Samples, folds: Folds, seed: int) -> dict[str, list[float]]:
         model = HistGradientBoostingRegressor(early_stopping=False, random_state=seed)
         model.fit(known.inputs[~test], known.target[~test])
         row[test] = model.predict(known.inputs[test])
-    return {TREES: score(folds, rows, known.target).nrmse.tolist()}
+    return {TREES: score(folds, rows, known.target)}
 
 
-def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, list[float] | str]:
+def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, Scores | str]:
     """PL-SLS and PL-Wiechert in all ways: see `softnn.study.baselines`.
 
     A recording that is held out in part is fitted on the rest of its samples; its hold
@@ -68,15 +73,14 @@ def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, list[float]
             return {f"{m}, {w}": str(reason) for m in MODELS for w in WAYS.values()}
         for key, fit in fits.items():
             rows.setdefault(key, []).append(_predicted(fit, data, known, test))
-    found: dict[str, list[float] | str] = {}
+    found: dict[str, Scores | str] = {}
     for model in MODELS:
         for way, words in WAYS.items():
             done = rows.get((model, way), [])
             if len(done) < len(folds.test):
                 found[f"{model}, {words}"] = reasons.get((model, way), "not possible")
             else:
-                scores = score(folds, np.stack(done), known.target)
-                found[f"{model}, {words}"] = scores.nrmse.tolist()
+                found[f"{model}, {words}"] = score(folds, np.stack(done), known.target)
     return found
 
 

@@ -51,7 +51,12 @@ class Held:
 
     def stored(self, tensile: Sequence[Recording]) -> StoredNetwork:
         """The network as it is kept, with the ranges it has seen."""
-        return StoredNetwork(self.network, ARCHITECTURE, None, Seen.of(tensile))
+        return stored(self.network, tensile)
+
+
+def stored(network: ConvexNetwork, tensile: Sequence[Recording]) -> StoredNetwork:
+    """A convex network fitted to recordings, as it is kept."""
+    return StoredNetwork(network, ARCHITECTURE, None, Seen.of(tensile))
 
 
 def held(
