@@ -12,6 +12,7 @@ import json
 import logging
 import os
 import re
+import sqlite3
 import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -60,6 +61,14 @@ AGAIN = "softnn.again"  # what `softnn rerun` needs, as JSON; set by softnn.stud
 DIGEST = "softnn.sha256"
 BATCH = 1000  # metrics that MLflow takes in one call
 LONGEST = 8000  # characters that MLflow keeps of a tag
+ARTIFACTS = "artifacts"  # beside an SQLite store
+LOCATIONS = (  # where MLflow keeps addresses of artifacts
+    ("experiments", "artifact_location"),
+    ("runs", "artifact_uri"),
+    ("logged_models", "artifact_location"),
+    ("model_versions", "source"),
+    ("model_versions", "storage_location"),
+)
 WHOLE = "note.md"  # where a note longer than that is kept
 
 
@@ -342,7 +351,33 @@ def _present(uri: str) -> str:
             f"no MLflow database {file}; start in the folder of the study, or give its "
             "address, such as sqlite:///mlruns/mlflow.db"
         )
+    mended(uri)
     return uri
+
+
+def mended(uri: str) -> None:
+    """Point an SQLite store to the artifacts beside it, if its folder was moved.
+
+    MLflow keeps absolute addresses, so a store that was renamed or copied would look
+    for its models where they were. Another kind of store is left as it is.
+    """
+    file = sqlite_file(uri)
+    if file is None or not file.is_file() or not (file.parent / ARTIFACTS).is_dir():
+        return
+    here = (file.parent / ARTIFACTS).resolve().as_uri() + "/"
+    with contextlib.closing(sqlite3.connect(file)) as store, store:
+        rows = store.execute("SELECT artifact_location FROM experiments").fetchall()
+        found = {place.rpartition(f"/{ARTIFACTS}/")[0] for (place,) in rows if place}
+        old = [f"{one}/{ARTIFACTS}/" for one in found if one.startswith("file:")]
+        for there in old:
+            if there == here:
+                continue
+            for table, column in LOCATIONS:
+                store.execute(
+                    f"UPDATE {table} SET {column} = ? || substr({column}, ?) "
+                    f"WHERE substr({column}, 1, ?) = ?",
+                    (here, len(there) + 1, len(there), there),
+                )
 
 
 def _saved(
@@ -389,6 +424,7 @@ def _client(uri: str) -> MlflowClient:
     try:
         if file is not None:
             made_aside(file, _make)
+            mended(uri)
         return _connected(uri)
     except Exception as error:  # SQLAlchemy's, requests', MLflow's own
         raise InputError(
@@ -418,7 +454,7 @@ def _experiment(client: MlflowClient, uri: str, name: str) -> Experiment:
     found = client.get_experiment_by_name(name)
     if found is None:
         file = sqlite_file(uri)
-        place = (file.parent / "artifacts" / name).resolve().as_uri() if file else None
+        place = (file.parent / ARTIFACTS / name).resolve().as_uri() if file else None
         try:
             return client.get_experiment(client.create_experiment(name, place, KIND))
         except MlflowException:  # made by another process in between

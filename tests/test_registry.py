@@ -91,7 +91,7 @@ def test_a_run_done_again_gives_its_figures(tmp_path, capsys):
     from mlflow.tracking import MlflowClient
 
     client = MlflowClient(places.tracking)
-    (experiment,) = client.search_experiments(filter_string="name = 'neurons'")
+    (experiment,) = client.search_experiments(filter_string="name = 'neurons-as-in-thesis'")
     runs = client.search_runs([experiment.experiment_id])
     trials = [r for r in runs if "softnn.again" in r.data.tags]
     assert trials

@@ -20,7 +20,7 @@ Row = Mapping[str, Any]
 there is none; under "r2" the same of R2. `chosen_by` is a use whose folds chose it."""
 
 HEADS = {"random": "random folds", "specimen": "by specimen"}
-TREES = "gradient-boosted trees"
+BASELINE = "the best baseline"
 
 
 def best_of(rows: Sequence[Row], use: str) -> Row | None:
@@ -71,16 +71,17 @@ def sentences(
     rival = best_of(others, "random")
     known = f"For recordings you have, take {first['model']}: {of(first, 'random')} "
     known += f"by random folds{against(first, rival, 'random')}; "
-    known += f"by unseen {unseen} it has {of(first, 'unseen')}"
+    known += f"at a {unseen} never seen it has {of(first, 'unseen')}"
     takes, rival = never_seen(networks, convex, others)
     gap = compared(first, takes, "unseen")
     if gap is not None and gap[0] > gap[1] and takes is not first:
         known += f", so do not use it there ({takes['model']}: {of(takes, 'unseen')})"
     never = f"For a {unseen} never seen, take {takes['model']}: {of(takes, 'unseen')}"
-    never += against(takes, rival, "unseen")
+    beaten = "the next best baseline" if takes in others else BASELINE
+    never += against(takes, rival, "unseen", beaten)
     if convex is not None and takes is not convex:
         never += f"; the {CONVEX} has {of(convex, 'unseen')}"
-        never += against(convex, takes, "unseen", name=False)
+        never += against(convex, takes, "unseen", "")
     searched = best_of(networks, "unseen")
     if searched is not None and searched is not takes:
         never += (
@@ -119,8 +120,11 @@ def compared(one: Row, other: Row, use: str) -> tuple[float, float] | None:
     return paired(mine, its) if len(mine) == len(its) else None
 
 
-def against(one: Row, other: Row | None, use: str, name: bool = True) -> str:
-    """How one stands to another, in words; nothing where they cannot be compared."""
+def against(one: Row, other: Row | None, use: str, name: str = BASELINE) -> str:
+    """How one stands to another, in words; nothing where they cannot be compared.
+
+    `name` says what the other is; without it neither it nor its error is named.
+    """
     if other is None:
         return "; no baseline can be fitted here"
     gap = compared(one, other, use)
@@ -133,7 +137,7 @@ def against(one: Row, other: Row | None, use: str, name: bool = True) -> str:
         verdict = f"{'better' if size < 0 else 'worse'} by {pm(abs(size), error)}"
     if not name:
         return f", {verdict}"
-    return f"; the best baseline, {other['model']}, has {of(other, use)}: {verdict}"
+    return f"; {name}, {other['model']}, has {of(other, use)}: {verdict}"
 
 
 def of(row: Row, use: str) -> str:
