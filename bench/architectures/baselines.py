@@ -64,13 +64,12 @@ def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, Scores | st
         names = {data.tensile[i].name for i in _whole(known, test)}
         holds = [r for r in data.relaxation if r.name not in names]
         train = _without(data.tensile, known, test)
+        fit_all = cyclic_fits if data.cycles else training_fits
         try:
-            if data.cycles:
-                fits = cyclic_fits(train, holds, reasons)
-            else:
-                fits = training_fits(train, holds, reasons)
-        except InputError as reason:
-            return {f"{m}, {w}": str(reason) for m in MODELS for w in WAYS.values()}
+            fits = fit_all(train, holds, reasons)
+        except InputError as reason:  # holds that cannot be read; curves may do
+            fits = fit_all(train, [], reasons)
+            reasons |= {key: str(reason) for key in reasons}
         for key, fit in fits.items():
             rows.setdefault(key, []).append(_predicted(fit, data, known, test))
     found: dict[str, Scores | str] = {}

@@ -238,4 +238,6 @@ def _shape(rows: Array, hold: Recording) -> Array:
     start = int(np.argmax(size >= REACHED * np.median(size[len(size) // 2 :]))) + 1
     start = max(0, min(start, len(size) - 3))
     after = rows[start:]
+    if after[0, -1] == 0:
+        return after[:0]  # no stress, no shape
     return after - rows[start] * (after[:, -1:] / after[0, -1])
