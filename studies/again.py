@@ -56,6 +56,7 @@ from studies import (
     segments,
     survivor,
     tendon,
+    unseen,
     virtual_specimens,
 )
 
@@ -142,6 +143,21 @@ def searched(result: Result, rng: Rng) -> Iterator[Row]:
         both = dict(zip(("random", "unseen"), np.atleast_1d(errors), strict=True))
         now = both | {"parameters": found["parameters"]}
         yield f"{one['label']}, {chosen}", some(row, tuple(now)), now
+
+
+def held_out(result: Result, rng: Rng) -> Iterator[Row]:
+    """The convex network and the baselines on one material after the other."""
+    for one in shuffled(result["materials"], rng):
+        asked = Settings(
+            data=one["source"],
+            material=one["material"],
+            samples=unseen.SAMPLES,
+            cycles=one["cycles"],
+        )
+        (data,) = prepared(asked)
+        now = unseen.judged(data, result["seed"], unseen.SAMPLES, free=False)
+        keys = ("convex", "baseline", "best_baseline", "gap", "gap_error", "verdict")
+        yield one["label"], some(one, keys), some(now, keys)
 
 
 def augmented(result: Result, rng: Rng) -> Iterator[Row]:
@@ -440,6 +456,7 @@ CHECKERS = {
     "neurons": Checker(trained, TRAINED),
     "regularisation": Checker(trained, TRAINED),
     "augmentation": Checker(augmented, TRAINED),
+    "unseen": Checker(held_out, TRAINED),
     "calibration": Checker(constants, COPIED),
     "concealed": Checker(concealed, DIAGNOSED),
     "hands": Checker(hands, DIAGNOSED),
