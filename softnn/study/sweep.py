@@ -102,7 +102,9 @@ class Sweep:
 
         def searched(name: str, value: str) -> str:
             values = space.get(name)  # the settings say nothing of what is drawn
-            return value if values is None else ", ".join(map(str, values))
+            if values is None or isinstance(values, Range):
+                return value if values is None else str(values)
+            return ", ".join(map(str, values))
 
         try:
             self.stored = len(self.search.finished)
