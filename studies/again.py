@@ -20,6 +20,7 @@ import numpy as np
 
 from bench import cost, speed, speed_models, stability
 from bench.architectures import trials
+from bench.architectures.unseen import judged as judged_unseen
 from bench.checking import COPIED, DIAGNOSED, TIMED, TRAINED, Checker, Result, Row
 from bench.concealed import orders, sealing
 from bench.hands import forging
@@ -155,7 +156,7 @@ def held_out(result: Result, rng: Rng) -> Iterator[Row]:
             cycles=one["cycles"],
         )
         (data,) = prepared(asked)
-        now = unseen.judged(data, result["seed"], unseen.SAMPLES, free=False)
+        now = judged_unseen(data, result["seed"], unseen.SAMPLES, free=False)
         keys = ("convex", "baseline", "best_baseline", "gap", "gap_error", "verdict")
         yield one["label"], some(one, keys), some(now, keys)
 
