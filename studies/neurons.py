@@ -118,7 +118,7 @@ def thesis(argv: Sequence[str]) -> int:
 
 
 def run(settings: Settings, places: Places, keep_best: bool = False) -> dict[str, Any]:
-    """The published sweep of every material asked for; returns what was written."""
+    """The published sweep of every material asked for; returns the result written."""
     found = []
     for data in prepared(settings):
         told = study(data, settings, places)

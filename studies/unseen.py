@@ -58,7 +58,7 @@ def run(a: Any) -> None:
             continue
         known[data.label] = data.digest
         print(line(found[-1]), flush=True)
-        path = common.write_result(  # after each, so that what is finished is kept
+        path = common.write_result(  # after each material, so that it is kept
             "unseen",
             headline(found),
             {"materials": found, "left_out": left_out, "samples": samples},

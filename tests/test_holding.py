@@ -113,7 +113,7 @@ def test_what_fails_at_unseen_rates_is_never_named_without_that_figure():
 def test_a_tie_with_the_best_baseline_leaves_the_network():
     (_, never), takes = sentences(NETWORKS, CONVEX, [NEAR], "rate")
     assert takes is CONVEX
-    assert never.startswith(f"For a rate never seen, take {holding.NAME}: 12.0")
+    assert never.startswith(f"For a rate never seen, take the {holding.NAME}: 12.0")
     assert "PL-SLS, has 11.5" in never
     assert "a tie" in never
     assert "chosen by these very folds" in never

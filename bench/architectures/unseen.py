@@ -136,7 +136,8 @@ def sentence(found: Sequence[Mapping[str, Any]]) -> str:
     said = headline(found)
     text = (
         f"The {holding.NAME} was made on {said['materials']} materials: it is better "
-        f"than the best baseline on {said['better']}, no worse on {said['no_worse']}, worse on {said['worse']}"
+        f"than the best baseline on {said['better']}, no worse on "
+        f"{said['no_worse']}, worse on {said['worse']}"
     )
     if said["materials_confirm"]:
         text += (

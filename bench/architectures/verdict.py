@@ -30,9 +30,10 @@ def best_of(rows: Sequence[Row], use: str) -> Row | None:
 
 
 def table(rows: Sequence[Row], unseen: str) -> str:
-    """NRMSE of every row by every split, and R2 by random folds and by what is unseen.
+    """NRMSE of every row by every split, and R2 by random folds and by unseen rate.
 
-    What cannot be is a dash; what was chosen by the very folds has a star.
+    A dash stands where no figure is possible, a star where the folds of the column
+    chose the network.
     """
     splits = [s for s in ("random", "specimen", "unseen") if any(s in r for r in rows)]
     heads = HEADS | {"unseen": f"by unseen {unseen}"}
@@ -63,7 +64,7 @@ def mean(values: Sequence[float] | str | None) -> str | None:
 def sentences(
     networks: Sequence[Row], convex: Row | None, others: Sequence[Row], unseen: str
 ) -> tuple[list[str], Row]:
-    """What to take for recordings one has, and for what was never seen; that row.
+    """One sentence for recordings one has, one for the unseen; the row of the latter.
 
     `networks` are the choices of the search, the first that for recordings one has.
     """
@@ -76,7 +77,9 @@ def sentences(
     gap = compared(first, takes, "unseen")
     if gap is not None and gap[0] > gap[1] and takes is not first:
         known += f", so do not use it there ({takes['model']}: {of(takes, 'unseen')})"
-    never = f"For a {unseen} never seen, take {takes['model']}: {of(takes, 'unseen')}"
+    article = "the " if takes is convex else ""
+    never = f"For a {unseen} never seen, take {article}{takes['model']}: "
+    never += of(takes, "unseen")
     beaten = "the next best baseline" if takes in others else BASELINE
     never += against(takes, rival, "unseen", beaten)
     if convex is not None and takes is not convex:
@@ -94,11 +97,11 @@ def sentences(
 def never_seen(
     networks: Sequence[Row], convex: Row | None, others: Sequence[Row]
 ) -> tuple[Row, Row | None]:
-    """The row to take for what was never seen, and the best of the baselines.
+    """The row to take for the unseen, and the best of the other baselines.
 
     A baseline is taken only where it is better than the network beyond one standard
-    error: it is the best of many in hindsight, while the convex network is weighed
-    without these folds.
+    error. The best baseline is the best of many in hindsight; the convex network is
+    weighed without these folds.
     """
     mine = convex or best_of(networks, "unseen") or networks[0]
     rival = best_of(others, "unseen")

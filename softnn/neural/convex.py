@@ -137,10 +137,10 @@ def fitted(
 ) -> dict[str, ConvexNetwork]:
     """A network fitted in each of `WAYS`, by name.
 
-    The error counted is the squared NRMSE of all samples of `curves`, beside that of
-    the holds; of these either the stress, or its shape alone: stress over that at the
-    start of the hold, which does not depend on the scale of the specimen. Where there
-    are no holds only ways without them are fitted.
+    The fit minimises the squared NRMSE of all samples of `curves` and that of the
+    holds. A hold counts by its stress, or by its shape alone: the stress over the
+    stress at its start, which does not depend on the scale of the specimen. Without
+    holds, only the ways without them are fitted.
     """
     if not curves:
         raise InputError("no curves; at least one is needed")
@@ -231,8 +231,8 @@ def _said(recording: Recording, table: Array) -> Array:
 def _shape(rows: Array, hold: Recording) -> Array:
     """Rows of a hold such that stress over its start is asked for, whatever the scale.
 
-    With r the measured stress over that at the start, the units' own stress at the
-    start times r is taken off; what is left is to be 0.
+    r is the measured stress over the measured stress at the start. The stress of the
+    units less r times their stress at the start is to be 0.
     """
     size = np.abs(hold.strain)
     start = int(np.argmax(size >= REACHED * np.median(size[len(size) // 2 :]))) + 1
