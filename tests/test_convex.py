@@ -151,3 +151,20 @@ def test_nothing_to_fit_is_said():
     with pytest.raises(InputError, match="strain never leaves zero"):
         fitted([flat])
     assert len(fitted([ramp(0.1)])) == len(convex.MEASURES) * len(convex.DECAYS)
+
+
+def test_what_cannot_be_done_with_it_is_one_line(tmp_path):
+    from softnn.cli import main
+    from softnn.json_file import write
+    from softnn.neural import fit_samples, samples
+
+    curves = [ramp(0.01), ramp(0.1)]
+    known = samples(curves, "CONVEX")
+    mask = np.ones((1, len(known.target)), bool)
+    with pytest.raises(InputError, match="fitted in one step"):
+        fit_samples(known, "CONVEX", neurons=[3], train_mask=mask, seeds=[0])
+    kept = stored(fitted(curves)["convex, straight, without holds, light"], curves)
+    write(tmp_path / "network.json", kept.source)
+    for kind in ("c", "onnx", "abaqus", "fmu"):
+        asked = ["export", str(tmp_path / "network.json"), "--to", kind]
+        assert main([*asked, "--out", str(tmp_path / kind)]) == 2
