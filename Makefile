@@ -28,14 +28,15 @@ $(STAMP): pyproject.toml constraints.txt
 
 install: $(STAMP) ## set up .venv (done by the others when needed)
 
-neurons: $(STAMP) ## the main job: neurons 1-20 by 10-fold cross-validation, into MLflow
+neurons: $(STAMP) ## the main job: which network for which use, 2 minutes, into MLflow
 	$(BIN)/python -m studies.neurons $(ARGS)
 
 # Studies of minutes; those of hours are named in the help. Each replaces its own files.
 STUDIES ?= gait tendon virtual_specimens properties segments branches accuracy rates \
     inputs neurons regularisation actuator realtime
 results: $(STAMP) ## publish into studies/results: studies of minutes, or STUDIES="limits concealed ..." of hours
-	set -e; for study in $(STUDIES); do $(BIN)/python -m studies.$$study --publish $(ARGS); done
+	set -e; for study in $(STUDIES); do $(BIN)/python -m studies.$$study \
+	    $$([ $$study = neurons ] && echo --as-in-thesis) --publish $(ARGS); done
 
 check-results: $(STAMP) ## recompute some published figures, 10 minutes: ARGS="--minutes 10 --only NAME"
 	$(BIN)/python -m studies.check_results --publish $(ARGS)
@@ -58,6 +59,7 @@ docs: $(STAMP) ## the pages, into site/: open site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 ui: $(STAMP) ## the MLflow UI on http://127.0.0.1:5000
+	$(BIN)/python -c 'from softnn import tracking; tracking.mended("sqlite:///mlruns/mlflow.db")'
 	MLFLOW_DISABLE_TELEMETRY=true MLFLOW_SERVER_ENABLE_JOB_EXECUTION=false \
 	$(BIN)/mlflow ui --backend-store-uri sqlite:///mlruns/mlflow.db \
 	    --host 127.0.0.1 --port $(PORT) --workers 1

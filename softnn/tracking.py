@@ -12,6 +12,7 @@ import json
 import logging
 import os
 import re
+import sqlite3
 import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +26,17 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
 import numpy as np
-from mlflow.entities import Dataset, DatasetInput, Experiment, Metric, Param, Run
+from mlflow.entities import (
+    Dataset,
+    DatasetInput,
+    Experiment,
+    LoggedModel,
+    LoggedModelOutput,
+    LoggedModelStatus,
+    Metric,
+    Param,
+    Run,
+)
 from mlflow.exceptions import MlflowException
 from mlflow.store.db.utils import (
     _initialize_tables,
@@ -50,6 +61,14 @@ AGAIN = "softnn.again"  # what `softnn rerun` needs, as JSON; set by softnn.stud
 DIGEST = "softnn.sha256"
 BATCH = 1000  # metrics that MLflow takes in one call
 LONGEST = 8000  # characters that MLflow keeps of a tag
+ARTIFACTS = "artifacts"  # beside an SQLite store
+LOCATIONS = (  # where MLflow keeps addresses of artifacts
+    ("experiments", "artifact_location"),
+    ("runs", "artifact_uri"),
+    ("logged_models", "artifact_location"),
+    ("model_versions", "source"),
+    ("model_versions", "storage_location"),
+)
 WHOLE = "note.md"  # where a note longer than that is kept
 
 
@@ -186,12 +205,13 @@ class Tracker:
         network: Mapping[str, Any],
         example: Mapping[str, Sequence[float]],
         output: Sequence[float],
+        about: str = "",
     ) -> str:
         """Keep a network with the run and in the registry; its version.
 
         `network` is its JSON, `example` a table of inputs, `output` what it says to
-        them. A version that holds the same network is used again. A colon or slash in
-        a name becomes a dash, as MLflow allows neither.
+        them, `about` a sentence on its use. A version that holds the same network is
+        used again. A colon or slash in a name becomes a dash, as MLflow allows neither.
         """
         name = re.sub(r"[:/]", "-", name)
         text = json.dumps(network, sort_keys=True)
@@ -201,17 +221,53 @@ class Tracker:
         known = self._client.search_model_versions(f"name = '{_quoted(name)}'")
         version = next((v for v in known if v.tags.get(DIGEST) == digest), None)
         if version is None:
-            place = f"model-{digest[:12]}"
-            with tempfile.TemporaryDirectory() as folder:
-                _saved(Path(folder), text, example, output)
-                self._client.log_artifacts(self.run_id, f"{folder}/model", place)
-            source = f"{self._client.get_run(self.run_id).info.artifact_uri}/{place}"
+            model = self._logged(f"model-{digest[:12]}", text, example, output)
             version = self._client.create_model_version(
-                name, source, self.run_id, tags={DIGEST: digest}
+                name,
+                model.artifact_location,
+                self.run_id,
+                tags={DIGEST: digest},
+                model_id=model.model_id,
             )
+        number = version.version
+        if about:
+            self._client.update_model_version(name, number, about)
         for alias in aliases:
-            self._client.set_registered_model_alias(name, alias, version.version)
-        return str(version.version)
+            self._client.set_registered_model_alias(name, alias, number)
+        self._client.update_registered_model(name, self._described(name))
+        return str(number)
+
+    def _logged(
+        self,
+        name: str,
+        text: str,
+        example: Mapping[str, Sequence[float]],
+        output: Sequence[float],
+    ) -> LoggedModel:
+        """The network as a model of the run, which MLflow shows beside it."""
+        model = self._client.create_logged_model(
+            self.experiment_id, name, self.run_id, model_type="softnn"
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            _saved(Path(folder), text, example, output)
+            self._client.log_model_artifacts(model.model_id, f"{folder}/model")
+        self._client.log_outputs(self.run_id, [LoggedModelOutput(model.model_id, 0)])
+        return self._client.finalize_logged_model(
+            model.model_id, LoggedModelStatus.READY
+        )
+
+    def _described(self, name: str) -> str:
+        """What a registered model is: its recordings, and what each alias is for."""
+        model = self._client.get_registered_model(name)
+        lines = [
+            f"Networks for {name}: stress [MPa] of a strain history, trained on "
+            f"`{self._common['data']}`."
+        ]
+        for alias, number in sorted(model.aliases.items()):
+            said = self._client.get_model_version(name, number).description
+            lines.append(f"`{alias}`: " + (said or f"version {number}."))
+        load = f"softnn.load_model('models:/{name}@ALIAS')"
+        return "\n\n".join([*lines, f"Load one with `{load}`."])
 
     def _log(
         self,
@@ -295,7 +351,33 @@ def _present(uri: str) -> str:
             f"no MLflow database {file}; start in the folder of the study, or give its "
             "address, such as sqlite:///mlruns/mlflow.db"
         )
+    mended(uri)
     return uri
+
+
+def mended(uri: str) -> None:
+    """Point an SQLite store to the artifacts beside it, if its folder was moved.
+
+    MLflow keeps absolute addresses, so a store that was renamed or copied would look
+    for its models where they were. Another kind of store is left as it is.
+    """
+    file = sqlite_file(uri)
+    if file is None or not file.is_file() or not (file.parent / ARTIFACTS).is_dir():
+        return
+    here = (file.parent / ARTIFACTS).resolve().as_uri() + "/"
+    with contextlib.closing(sqlite3.connect(file)) as store, store:
+        rows = store.execute("SELECT artifact_location FROM experiments").fetchall()
+        found = {place.rpartition(f"/{ARTIFACTS}/")[0] for (place,) in rows if place}
+        old = [f"{one}/{ARTIFACTS}/" for one in found if one.startswith("file:")]
+        for there in old:
+            if there == here:
+                continue
+            for table, column in LOCATIONS:
+                store.execute(
+                    f"UPDATE {table} SET {column} = ? || substr({column}, ?) "
+                    f"WHERE substr({column}, 1, ?) = ?",
+                    (here, len(there) + 1, len(there), there),
+                )
 
 
 def _saved(
@@ -342,6 +424,7 @@ def _client(uri: str) -> MlflowClient:
     try:
         if file is not None:
             made_aside(file, _make)
+            mended(uri)
         return _connected(uri)
     except Exception as error:  # SQLAlchemy's, requests', MLflow's own
         raise InputError(
@@ -371,7 +454,7 @@ def _experiment(client: MlflowClient, uri: str, name: str) -> Experiment:
     found = client.get_experiment_by_name(name)
     if found is None:
         file = sqlite_file(uri)
-        place = (file.parent / "artifacts" / name).resolve().as_uri() if file else None
+        place = (file.parent / ARTIFACTS / name).resolve().as_uri() if file else None
         try:
             return client.get_experiment(client.create_experiment(name, place, KIND))
         except MlflowException:  # made by another process in between

@@ -20,6 +20,7 @@ import numpy as np
 
 from bench import cost, speed, speed_models, stability
 from bench.architectures import trials
+from bench.architectures.unseen import judged as judged_unseen
 from bench.checking import COPIED, DIAGNOSED, TIMED, TRAINED, Checker, Result, Row
 from bench.concealed import orders, sealing
 from bench.hands import forging
@@ -59,6 +60,7 @@ from studies import (
     segments,
     survivor,
     tendon,
+    unseen,
     virtual_specimens,
 )
 
@@ -145,6 +147,21 @@ def searched(result: Result, rng: Rng) -> Iterator[Row]:
         both = dict(zip(("random", "unseen"), np.atleast_1d(errors), strict=True))
         now = both | {"parameters": found["parameters"]}
         yield f"{one['label']}, {chosen}", some(row, tuple(now)), now
+
+
+def held_out(result: Result, rng: Rng) -> Iterator[Row]:
+    """The convex network and the baselines on one material after the other."""
+    for one in shuffled(result["materials"], rng):
+        asked = Settings(
+            data=one["source"],
+            material=one["material"],
+            samples=unseen.SAMPLES,
+            cycles=one["cycles"],
+        )
+        (data,) = prepared(asked)
+        now = judged_unseen(data, result["seed"], unseen.SAMPLES, free=False)
+        keys = ("convex", "baseline", "best_baseline", "gap", "gap_error", "verdict")
+        yield one["label"], some(one, keys), some(now, keys)
 
 
 def augmented(result: Result, rng: Rng) -> Iterator[Row]:
@@ -461,6 +478,7 @@ CHECKERS = {
     "neurons": Checker(trained, TRAINED),
     "regularisation": Checker(trained, TRAINED),
     "augmentation": Checker(augmented, TRAINED),
+    "unseen": Checker(held_out, TRAINED),
     "calibration": Checker(constants, COPIED),
     "concealed": Checker(concealed, DIAGNOSED),
     "hands": Checker(hands, DIAGNOSED),

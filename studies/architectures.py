@@ -31,6 +31,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from bench.architectures.choices import FINALISTS
 from bench.architectures.report import draw
 from bench.architectures.search import keep, searched
 from bench.architectures.trials import FIRST_OF, TRAINING, trials_of
@@ -50,6 +51,7 @@ from softnn.study.sweep import headline_of_all
 
 DEFAULTS = Settings(samples=100)  # neighbours in time say the same thing twice
 TRIALS = 300
+STUDY = "architectures"
 BEST = Path(__file__).with_name("best")
 
 
@@ -93,13 +95,19 @@ def run(
     trials: int,
     keep_best: bool = False,
     sampler: str = "tpe",
+    study: str = STUDY,
+    file: str = STUDY,
+    finalists: int = FINALISTS,
 ) -> dict[str, Any]:
-    """The study of every material asked for; returns what was written."""
+    """The study of every material asked for; returns what was written.
+
+    `study` names the experiment in MLflow, `file` the result file.
+    """
     found, skipped = [], {}
     materials = prepared(settings)
     for data in materials:
         try:
-            told = searched(data, settings, places, trials, sampler)
+            told = searched(data, settings, places, trials, sampler, study, finalists)
             if told is None:
                 continue
             found.append(told)
@@ -114,7 +122,7 @@ def run(
         return {}
     if not found:
         raise InputError(f"no material can be judged: {'; '.join(skipped.values())}")
-    name = settings.file_name("architectures")
+    name = settings.file_name(file)
     files = save_figure(draw(found), name, places.results)
     headline = headline_of_all(found)
     path = write_result(
@@ -131,7 +139,7 @@ def run(
         data={one["label"]: one["data_sha256"] for one in found},
         folder=places.results,
     )
-    print(f"\nresult: {path}; figure: {files[0]}; runs: {places.tracking}")
+    print(f"\nresult: {path}; figure: {files[0]}; runs: {places.tracking} (make ui)")
     return {"headline": headline, "materials": found}
 
 

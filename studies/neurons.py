@@ -1,12 +1,14 @@
-"""How many neurons does a material need, and what do its networks know of other rates?
+"""Which network does a material need: for recordings one has, for rates never seen?
 
-Networks of 1 to 20 neurons are cross-validated as in the thesis (section 6.4.2). The
-best count is then judged by specimen and by strain rate as well: random folds put
-neighbours in time of one specimen on both sides, and so measure interpolation. Beside
-the networks stand the piecewise-linear models on the same data, and Table 6.6.
+One search over inputs (those of the thesis and those with a memory), 1 to 20 neurons
+and three ways of regularisation, by random folds and by rates never seen. Beside it, on
+the same folds, stand the piecewise-linear models, boosted trees and a convex network
+that is made for rates never seen. It ends in one table and a sentence for each use.
 
-Stopped at any moment and started again, it goes on where it was. With `--inputs all
---regularisation all` it is the joint study of `python -m studies.architectures`.
+`python -m studies.architectures` is the same search with more trials. `--as-in-thesis`
+is section 6.4.2 of the thesis: neurons alone, with FFRD4 and Bayesian regularisation,
+and Table 6.6 beside them. Stopped at any moment and started again, both go on where
+they were.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from bench.architectures.choices import FINALISTS
+from bench.architectures.trials import trials_of
 from softnn.contracts import InputError
 from softnn.search import Value
 from softnn.study import choice
@@ -33,15 +37,67 @@ from softnn.study.settings import (
     study_parser,
 )
 from softnn.study.sweep import Sweep, trial_entry, write_all
+from studies import architectures
 from studies.shown import neurons as shown
 
+AS_IN_THESIS = "--as-in-thesis"
+SWEPT = "inputs split regularisation lag-s"
+DEFAULTS = architectures.DEFAULTS
+TRIALS = 45  # two minutes on two cores
+JOINT, THESIS = "neurons", "neurons-as-in-thesis"  # experiments in MLflow
+FILE = "joint"  # of the search; that of the published sweep is `neurons`
 BEST = Path(__file__).parent / "best"
 REPORTED = ("random", "specimen", "rate")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.neurons`; returns the exit code."""
-    made = study_parser("neurons", __doc__, Settings())
+    given = sys.argv[1:] if argv is None else argv
+    return thesis(given) if AS_IN_THESIS in given else joint(given)
+
+
+def joint(argv: Sequence[str]) -> int:
+    """The search over inputs, neurons and regularisation."""
+    made = study_parser("neurons", __doc__, DEFAULTS, omit=SWEPT)
+    made.add_argument(
+        AS_IN_THESIS,
+        action="store_true",
+        help="neurons alone, as published; --help with it lists its options",
+    )
+    made.add_argument(
+        "--trials", type=int, default=TRIALS, help=f"of the search ({TRIALS})"
+    )
+    add_worker(made)
+    for option in SWEPT.split():
+        made.add_argument(f"--{option}", help=argparse.SUPPRESS)
+    arguments = made.parse_args(argv)
+
+    def work() -> None:
+        for option in SWEPT.split():
+            name = option.replace("-", "_")
+            if getattr(arguments, name) is not None:
+                raise InputError(
+                    f"--{option} is searched over, or has one value; give it with "
+                    f"{AS_IN_THESIS}"
+                )
+            delattr(arguments, name)
+        settings = settings_of(arguments, DEFAULTS)
+        trials = trials_of("tpe", arguments.trials, TRIALS)
+        places = places_of(arguments, published=False)
+        if arguments.smoke:
+            settings, trials = smoked(settings), min(trials, 6)
+        finalists = max(2, min(FINALISTS, trials // 10))
+        architectures.run(
+            settings, places, trials, study=JOINT, file=FILE, finalists=finalists
+        )
+
+    return guarded(work)
+
+
+def thesis(argv: Sequence[str]) -> int:
+    """The published sweep over neurons."""
+    made = study_parser(f"neurons {AS_IN_THESIS}", __doc__, Settings())
+    made.add_argument(AS_IN_THESIS, action="store_true", help="what is asked for here")
     made.add_argument(
         "--keep-best",
         action="store_true",
@@ -49,14 +105,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_worker(made)
     arguments = made.parse_args(argv)
-    every = [arguments.inputs == "all", arguments.regularisation == "all"]
 
     def work() -> None:
-        if any(every):
-            raise InputError(
-                "one of --inputs and --regularisation is all; the joint study seeks "
-                "both, so give all to both"
-            )
         settings = settings_of(arguments)
         # Only the published protocol may replace the project's results.
         usual = Settings(material=settings.material, data=settings.data)
@@ -64,21 +114,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         asked = smoked(settings) if arguments.smoke else settings
         run(asked, places, arguments.keep_best)
 
-    return jointly(argv) if all(every) else guarded(work)
-
-
-def jointly(argv: Sequence[str] | None) -> int:
-    """The joint study, asked for by `--inputs all --regularisation all`."""
-    from studies.architectures import main as joint
-
-    asked = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    asked.add_argument("--inputs")
-    asked.add_argument("--regularisation")
-    return joint(asked.parse_known_args(argv)[1])
+    return guarded(work)
 
 
 def run(settings: Settings, places: Places, keep_best: bool = False) -> dict[str, Any]:
-    """The study of every material asked for; returns what was written."""
+    """The published sweep of every material asked for; returns the result written."""
     found = []
     for data in prepared(settings):
         told = study(data, settings, places)
@@ -100,7 +140,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any] | No
         "split": list(SPLITS),
     }
     total = len(settings.neurons) + len(others)
-    with Sweep("neurons", data, settings, space, places, total) as sweep:
+    with Sweep(THESIS, data, settings, space, places, total, sampler="grid") as sweep:
         sweep.together(
             [{"neurons": n, "split": settings.split} for n in settings.neurons]
         )

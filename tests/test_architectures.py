@@ -13,7 +13,7 @@ from bench.architectures.search import once_more
 from bench.architectures.trials import beaten, conditions, configuration
 from softnn.search import TOGETHER, Finished, Range, Search
 from softnn.study.settings import Settings
-from studies import architectures, neurons
+from studies import neurons
 
 NOW = datetime(2026, 1, 1)
 
@@ -220,11 +220,9 @@ def test_explore_draws_alike_whichever_trial_ends_first(tmp_path):
     assert seen == [max(0, i + 1 - TOGETHER) for i in range(40)]
 
 
-def test_the_study_of_neurons_hands_on_what_asks_for_all(monkeypatch, capsys):
-    asked = []
-    monkeypatch.setattr(architectures, "main", lambda argv: asked.extend(argv) or 0)
-    both = ["--inputs", "all", "--material", "FR", "--regularisation", "all"]
-    assert neurons.main(both) == 0
-    assert asked == ["--material", "FR"]
-    assert neurons.main(["--inputs", "all"]) == 2
-    assert "give all to both" in capsys.readouterr().err
+@pytest.mark.parametrize("option", ["--inputs", "--split", "--regularisation"])
+def test_the_study_of_neurons_refuses_what_it_searches_over(option, capsys):
+    assert neurons.main([option, "FFRD4"]) == 2
+    message = capsys.readouterr().err
+    assert f"{option} is searched over" in message
+    assert "--as-in-thesis" in message

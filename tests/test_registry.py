@@ -1,6 +1,7 @@
 """Networks in MLflow's registry: loaded by MLflow, by softnn, and by hand."""
 
 import json
+import shutil
 import warnings
 
 import numpy as np
@@ -38,7 +39,12 @@ def made(tmp_path_factory):
     with Tracker(uri, "e", **ABOUT) as tracker:
         for aliases in (["best-random"], ["best-unseen-rate"]):
             version = tracker.register(
-                "a/b", aliases, model.stored_.source, table, model.predict(PULL)
+                "a/b",
+                aliases,
+                model.stored_.source,
+                table,
+                model.predict(PULL),
+                "take it.",
             )
             assert version == "1"  # the same network is the same version
     return uri, model, pd.DataFrame(table)
@@ -67,6 +73,46 @@ def test_softnn_loads_it(made, monkeypatch):
         softnn.load_model("models:/nobody@best-random")
 
 
+def test_the_model_is_logged_linked_and_described(made):
+    from mlflow.tracking import MlflowClient
+
+    client = MlflowClient(made[0])
+    model = client.get_registered_model("a-b")
+    assert set(model.aliases) == {"best-random", "best-unseen-rate"}
+    assert "stress [MPa] of a strain history" in model.description
+    assert "`best-unseen-rate`: take it." in model.description
+    version = client.get_model_version_by_alias("a-b", "best-random")
+    run = client.get_run(version.run_id)
+    (logged,) = run.outputs.model_outputs
+    kept = client.get_logged_model(logged.model_id)
+    assert (kept.source_run_id, kept.status.value) == (version.run_id, "READY")
+    assert version.source == kept.artifact_location
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_renamed_or_copied_folder_loads_its_models(tmp_path, stays, monkeypatch):
+    before, after = tmp_path / "before", tmp_path / "after it was moved"
+    model = StressNetwork(neurons=1).fit([PULL])
+    table = {"time_s": PULL.time_s, "strain": PULL.strain, "rate_per_s": 60 * [0.1]}
+    with Tracker(f"sqlite:///{before / 'mlflow.db'}", "e", **ABOUT) as tracker:
+        tracker.register("m", ["x"], model.stored_.source, table, [0.0])
+        tracker.result({}, texts={"t.txt": "here"})
+    (shutil.copytree if stays else shutil.move)(before, after)
+    if stays:  # what is loaded is what lies beside the copy
+        shutil.rmtree(before / "artifacts")
+    uri = f"sqlite:///{after / 'mlflow.db'}"
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    assert softnn.load_model("models:/m@x").source == model.stored_.source
+
+    from mlflow.tracking import MlflowClient
+
+    client = MlflowClient(uri)
+    run = client.get_run(client.get_model_version_by_alias("m", "x").run_id)
+    assert "before" not in run.info.artifact_uri
+    (place,) = client.list_artifacts(run.info.run_id)
+    assert place.path == "t.txt"
+
+
 def test_files_are_text(made):
     for file in fetched("models:/a-b@best-random", made[0]).parents[1].rglob("*"):
         if file.is_file():
@@ -91,7 +137,9 @@ def test_a_run_done_again_gives_its_figures(tmp_path, capsys):
     from mlflow.tracking import MlflowClient
 
     client = MlflowClient(places.tracking)
-    (experiment,) = client.search_experiments(filter_string="name = 'neurons'")
+    (experiment,) = client.search_experiments(
+        filter_string="name = 'neurons-as-in-thesis'"
+    )
     runs = client.search_runs([experiment.experiment_id])
     trials = [r for r in runs if "softnn.again" in r.data.tags]
     assert trials

@@ -239,7 +239,7 @@ def test_refusals_are_one_line(options, said, tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("SOFTNN_DATA", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     try:
-        code = neurons.main(options)
+        code = neurons.main(["--as-in-thesis", *options])
     except SystemExit as exit:  # argparse's way out
         code = exit.code
     assert code == 2
@@ -254,7 +254,8 @@ COMPLETE = 6 + 2 + 2  # counts, and two more splits of the best and the fewest
 
 
 def run(folder: Path, *more: str, **options) -> subprocess.Popen:
-    command = [sys.executable, "-m", "studies.neurons", "--neurons", "1:6"]
+    command = [sys.executable, "-m", "studies.neurons", "--as-in-thesis"]
+    command += ["--neurons", "1:6"]
     command += ["--samples", "25", "--folds", "3", "--out", str(folder / "out"), *more]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     return subprocess.Popen(
@@ -296,29 +297,13 @@ def wait_for(child: subprocess.Popen, folder: Path, count: int) -> None:
         time.sleep(0.005)
 
 
-def stopped(child: subprocess.Popen, folder: Path, stop: signal.Signals) -> None:
-    """Send a signal, and once more if two trials finish all the same.
-
-    About 1 interrupt in 20 falls into a callback that SQLAlchemy has the garbage
-    collector call, where Python prints `KeyboardInterrupt` and goes on.
-    """
-    before = len(finished(folder))
-    child.send_signal(stop)
-    deadline = time.monotonic() + 60
-    while child.poll() is None and len(finished(folder)) < before + 2:
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    if child.poll() is None:
-        child.send_signal(stop)
-
-
 def runs(folder: Path):
     from mlflow.tracking import MlflowClient
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         client = MlflowClient(f"sqlite:///{folder / 'mlruns' / 'mlflow.db'}")
-        experiment = client.get_experiment_by_name("neurons")
+        experiment = client.get_experiment_by_name("neurons-as-in-thesis")
         found = client.search_runs([experiment.experiment_id])
     nested = [r for r in found if "mlflow.parentRunId" in r.data.tags]
     return [r for r in found if r not in nested], nested, client
@@ -329,7 +314,7 @@ def runs(folder: Path):
 def test_stopped_and_started_again_goes_on(stop, tmp_path):
     child = run(tmp_path)
     wait_for(child, tmp_path, 2)
-    stopped(child, tmp_path, stop)
+    child.send_signal(stop)
     child.communicate(timeout=60)
     assert child.returncode == (-9 if stop == signal.SIGKILL else 130)
     kept = finished(tmp_path)

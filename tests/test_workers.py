@@ -76,3 +76,36 @@ def test_a_command_that_a_study_runs_ends_with_it(tmp_path):
         os.kill(command, signal.SIGKILL)
     assert (study.returncode, left) == (130, False)
     assert said.strip() == "stopped; what is finished is kept"
+
+
+LOST = """
+import gc, os, signal, sys, time, weakref
+from softnn.study.common import guarded
+
+class Thing:
+    pass
+
+def gone(_):  # as SQLAlchemy's, of connections that are collected
+    os.kill(os.getpid(), signal.SIGINT)
+    sum(range(1000))
+
+def work():
+    thing = Thing()
+    thing.itself = thing
+    kept = weakref.ref(thing, gone)
+    del thing
+    gc.collect()
+    time.sleep(20)
+    print("went on")
+
+sys.exit(guarded(work))
+"""
+
+
+def test_ctrl_c_within_a_collector_s_callback_is_not_lost():
+    done = subprocess.run(
+        [sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 130, done
+    assert "went on" not in done.stdout
+    assert done.stderr.strip() == "stopped; what is finished is kept"

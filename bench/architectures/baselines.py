@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from softnn.contracts import Array, InputError
-from softnn.crossval import Folds, score
-from softnn.models.fit_piecewise import PiecewiseFit, fit_jointly
+from softnn.crossval import Folds, Scores, score
+from softnn.models.fit_piecewise import PiecewiseFit
 from softnn.neural import Samples
 from softnn.recording import Recording
-from softnn.study.baselines import JOINT_BRANCHES, MODELS, WAYS, training_fits
-from softnn.study.material_data import Data, first_loading
+from softnn.study.baselines import MODELS, WAYS, cyclic_fits, training_fits
+from softnn.study.material_data import Data
 
 TREES = "gradient-boosted trees"
 
@@ -23,19 +23,24 @@ def baselines(
 ) -> list[dict[str, Any]]:
     """Each model with its NRMSE by fold under each name of `folds`, or why not.
 
-    `known` are samples of FFRD4, which the folds split. Everything is fitted without
-    the held-out samples, and chosen without them.
+    R2 by fold is under "r2", by the same names. `known` are samples of FFRD4, which the
+    folds split. Everything is fitted without the held-out samples, and chosen without
+    them.
     """
     found: dict[str, dict[str, Any]] = {}
     for name, split in folds.items():
-        for model, errors in (
+        for model, scores in (
             piecewise(data, known, split) | trees(known, split, seed)
         ).items():
-            found.setdefault(model, {})[name] = errors
+            row = found.setdefault(model, {"r2": {}})
+            if isinstance(scores, str):
+                row[name] = scores
+            else:
+                row[name], row["r2"][name] = scores.nrmse.tolist(), scores.r2.tolist()
     return [{"model": model, **errors} for model, errors in found.items()]
 
 
-def trees(known: Samples, folds: Folds, seed: int) -> dict[str, list[float]]:
+def trees(known: Samples, folds: Folds, seed: int) -> dict[str, Scores]:
     """scikit-learn's histogram gradient boosting, as it comes, on strain and rate."""
     from sklearn.ensemble import HistGradientBoostingRegressor
 
@@ -44,10 +49,10 @@ def trees(known: Samples, folds: Folds, seed: int) -> dict[str, list[float]]:
         model = HistGradientBoostingRegressor(early_stopping=False, random_state=seed)
         model.fit(known.inputs[~test], known.target[~test])
         row[test] = model.predict(known.inputs[test])
-    return {TREES: score(folds, rows, known.target).nrmse.tolist()}
+    return {TREES: score(folds, rows, known.target)}
 
 
-def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, list[float] | str]:
+def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, Scores | str]:
     """PL-SLS and PL-Wiechert in all ways: see `softnn.study.baselines`.
 
     A recording that is held out in part is fitted on the rest of its samples; its hold
@@ -59,42 +64,23 @@ def piecewise(data: Data, known: Samples, folds: Folds) -> dict[str, list[float]
         names = {data.tensile[i].name for i in _whole(known, test)}
         holds = [r for r in data.relaxation if r.name not in names]
         train = _without(data.tensile, known, test)
+        fit_all = cyclic_fits if data.cycles else training_fits
         try:
-            if data.cycles:
-                fits = cyclic_fits(train, holds, reasons)
-            else:
-                fits = training_fits(train, holds, reasons)
-        except InputError as reason:
-            return {f"{m}, {w}": str(reason) for m in MODELS for w in WAYS.values()}
+            fits = fit_all(train, holds, reasons)
+        except InputError as reason:  # holds that cannot be read; curves may do
+            fits = fit_all(train, [], reasons)
+            reasons |= {key: str(reason) for key in reasons}
         for key, fit in fits.items():
             rows.setdefault(key, []).append(_predicted(fit, data, known, test))
-    found: dict[str, list[float] | str] = {}
+    found: dict[str, Scores | str] = {}
     for model in MODELS:
         for way, words in WAYS.items():
             done = rows.get((model, way), [])
             if len(done) < len(folds.test):
                 found[f"{model}, {words}"] = reasons.get((model, way), "not possible")
             else:
-                scores = score(folds, np.stack(done), known.target)
-                found[f"{model}, {words}"] = scores.nrmse.tolist()
+                found[f"{model}, {words}"] = score(folds, np.stack(done), known.target)
     return found
-
-
-def cyclic_fits(
-    train: Sequence[Recording],
-    holds: Sequence[Recording],
-    reasons: dict[tuple[str, str], str],
-) -> dict[tuple[str, str], PiecewiseFit]:
-    """The same for whole cycles, which tell a branch from a spring at one rate too.
-
-    From holds and curves, as in the thesis, it is the first loadings that are fitted;
-    jointly, the cycles themselves.
-    """
-    loadings = [first_loading(r, len(r)) for r in train]
-    fits = training_fits(loadings, holds, reasons)
-    for model in MODELS:
-        fits[model, "joint"] = fit_jointly(train, JOINT_BRANCHES[model])
-    return fits
 
 
 def _whole(known: Samples, test: np.ndarray) -> set[int]:

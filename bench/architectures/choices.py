@@ -61,12 +61,14 @@ class Choice:
         }
 
 
-def choices(tried: Sequence[Finished], again: Again) -> dict[str, Choice]:
+def choices(
+    tried: Sequence[Finished], again: Again, finalists: int = FINALISTS
+) -> dict[str, Choice]:
     """For each use its choice among the finalists: whole trials of least error."""
     whole = [t for t in tried if t.result["stopped_after"] is None]
     found = {}
     for i, use in enumerate(USES):
-        final = sorted(whole, key=lambda t: (t.values[i], t.number))[:FINALISTS]
+        final = sorted(whole, key=lambda t: (t.values[i], t.number))[:finalists]
         errors = {
             t.number: _together(use, folds(t, use), more)
             for t, more in zip(final, again(final, use), strict=True)

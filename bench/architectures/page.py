@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.architectures import unseen
 from bench.architectures.choices import (
     FINALISTS,
     USES,
@@ -86,6 +87,7 @@ def make(results: Path, folder: Path) -> Path:
             shown = table(one["front"], one["baselines"], f"unseen {one['unseen']}")
             parts += [f"### {one['label']}", said, shown]
         parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
+    parts += held_out(results)
     parts += augmented(results)
     page = docs / "architectures.md"
     page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
@@ -99,6 +101,28 @@ def make(results: Path, folder: Path) -> Path:
             between(MARK, text, f"{about}{helps(results)}\n\n{made}"), encoding="utf-8"
         )
     return page
+
+
+def held_out(results: Path) -> list[str]:
+    """Every model on rates never seen, material by material, if that was judged."""
+    found = read(results / "unseen.json")
+    if not found:
+        return []
+    about = (
+        "Each material is judged on the rates (recordings, where it has one rate) that "
+        "its training leaves out. The convex network, and all about the "
+        "piecewise-linear models, is chosen inside each training set; the best "
+        "baseline is the best of them, and of trees, in hindsight. Free networks have "
+        "one size. `python -m studies.unseen` makes this."
+    )
+    return [
+        "## Rates never seen",
+        about,
+        unseen.sentence(found["materials"]),
+        unseen.table(found["materials"]),
+        common.made_with(found),
+        *filter(None, [moved(results, "unseen")]),
+    ]
 
 
 def result_files(results: Path) -> dict[Path, Result]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,15 @@ import numpy as np
 from tqdm import tqdm
 
 from bench.architectures.baselines import baselines
-from bench.architectures.choices import Again, choices, front, headline_of, rows_of
+from bench.architectures.choices import (
+    FINALISTS,
+    Again,
+    Choice,
+    choices,
+    front,
+    headline_of,
+    rows_of,
+)
 from bench.architectures.report import draw, sentence, table
 from bench.architectures.trials import (
     ALL_GIVEN,
@@ -22,8 +32,15 @@ from bench.architectures.trials import (
     conditions,
     space,
 )
+from bench.architectures.verdict import sentences
+from bench.architectures.verdict import table as verdict_table
 from softnn import json_file
+from softnn.contracts import InputError
+from softnn.crossval import Folds
+from softnn.neural import StoredNetwork
 from softnn.search import Finished
+from softnn.study import holding
+from softnn.study.baselines import MODELS, WAYS
 from softnn.study.common import save_figure
 from softnn.study.material_data import Data
 from softnn.study.settings import Places, Settings
@@ -34,11 +51,19 @@ CODE = (Path(__file__).with_name("trials.py"),)
 
 
 def searched(
-    data: Data, settings: Settings, places: Places, trials: int, sampler: str = "tpe"
+    data: Data,
+    settings: Settings,
+    places: Places,
+    trials: int,
+    sampler: str = "tpe",
+    study: str = "architectures",
+    finalists: int = FINALISTS,
 ) -> dict[str, Any] | None:
-    """One material: the search, the front, the choice for each use, the sentence.
+    """One material: the search, the front, the choice for each use, what to take.
 
-    A grid has as many trials as it has points, whatever `trials`.
+    Beside the networks stand the convex network (`softnn.study.holding`) and the
+    baselines, on the same folds. A grid has as many trials as it has points, whatever
+    `trials`. `study` is the experiment in MLflow.
     """
     trainer = Trainer(data, settings, TRAINING)
     judge = Judge(trainer, places, stops=sampler not in ALL_GIVEN)
@@ -48,7 +73,7 @@ def searched(
     seeds = [settings.seed, settings.seed + 1]
     differenced = any(r.test != "tensile" or not r.rate_per_s for r in data.tensile)
     about = space(settings, seeds), places, trials + 2, 2, trainer, CODE, sampler
-    with Sweep("architectures", data, settings, *about) as sweep, judge:
+    with Sweep(study, data, settings, *about) as sweep, judge:
         tried = list(
             sweep.explore(
                 judge.submit,
@@ -59,55 +84,144 @@ def searched(
         )
         if places.worker:
             return None
-        best = choices(tried, once_more(trainer, judge.unseen))
+        best = choices(tried, once_more(trainer, judge.unseen), finalists)
         anew = {
             use: sweep.run(
                 judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}
             )
             for use, one in best.items()
         }
-        beside = baselines(
-            data,
-            trainer.samples("FFRD4"),
-            {
-                "random": trainer.folds("random", "FFRD4", seeds[0]),
-                "unseen": trainer.folds(judge.unseen, "FFRD4", seeds[0]),
-            },
-            settings.seed,
-        )
-        said = sentence(data.label, judge.unseen, best, anew, beside)
-        headline = headline_of(tried, best, anew)
+        rest = Beside.of(data, trainer, judge.unseen, seeds[1], sweep.say)
+        networks = [
+            network_row(use, one, anew[use], trainer, rest) for use, one in best.items()
+        ]
+        rows = [*networks, *rest.rows]
+        said, takes = sentences(networks, rest.convex, rest.baselines, judge.unseen)
+        headline = headline_of(tried, best, anew) | {"take_unseen": takes["model"]}
+        for row in rest.rows:
+            sweep.beside(row, judge.unseen)
         found = sweep.told(
             headline,
             samples=sum(map(len, data.tensile)),
             unseen=judge.unseen,
-            sentence=said,
+            sentence=sentence(data.label, judge.unseen, best, anew, rest.baselines),
+            take=said,
             choices={use: one.entry(anew[use]) for use, one in best.items()},
             front=rows_of(front(tried), folds=True),
-            baselines=beside,
+            baselines=rest.baselines,
+            convex=rest.convex,
+            rows=rows,
             trials=rows_of(tried),
         )
-        text = table(found["front"], beside)
+        text = verdict_table(rows, judge.unseen)
+        about_front = table(found["front"], rest.baselines)
         with tempfile.TemporaryDirectory() as aside:
             pictures = save_figure(draw([found]), "front", Path(aside))
             sweep.tracker.result(
-                {k: v for k, v in headline.items() if isinstance(v, int | float)},
-                note=f"{said}\n\n{text}",
+                {k: v for k, v in headline.items() if isinstance(v, int | float)}
+                | figures(networks[0], takes),
+                note="\n\n".join([f"**{data.label}**", *said, text]),
                 files=pictures,
-                texts={"front.md": text},
+                texts={"front.md": about_front, "table.md": text},
                 tags={
-                    "best": "; ".join(f"{k}: {one.words}" for k, one in best.items())
+                    "best": "; ".join(f"{k}: {one.words}" for k, one in best.items()),
+                    "take_unseen": takes["model"],
                 },
             )
-        for use, one in best.items():
-            alias = "best-random" if use == "random" else "best-unseen-rate"
-            chosen = one.trial.result["configuration"]
-            sweep.register(trainer.whole(chosen), [alias])
+        whole = trainer.whole(best["random"].trial.result["configuration"])
+        sweep.register(whole, ["best-random"], said[0])
+        sweep.register(rest.network(takes), ["best-unseen-rate"], said[1])
         from_store = sweep.from_store()
-    print(f"\n{said}\n\n{text}")
+    print("\n" + "\n\n".join([data.label, text, *said]))
     if from_store:
         print(from_store)
     return found
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What networks of the search are held against, judged on the same folds."""
+
+    data: Data
+    splits: dict[str, Folds]
+    baselines: list[dict[str, Any]]
+    convex: dict[str, Any] | None
+
+    @classmethod
+    def of(
+        cls,
+        data: Data,
+        trainer: Trainer,
+        unseen: str,
+        seed: int,
+        say: Callable[[str], None],
+    ) -> Beside:
+        """By random folds drawn with `seed`, by specimen if possible, by what is
+        unseen."""
+        splits = {"random": trainer.folds("random", "FFRD4", seed)}
+        with contextlib.suppress(InputError):  # one specimen only
+            splits["specimen"] = trainer.folds("specimen", "FFRD4", seed)
+        splits["unseen"] = trainer.folds(unseen, "FFRD4", seed)
+        known = trainer.samples("FFRD4")
+        say("piecewise models and trees")
+        others = baselines(data, known, splits, trainer.settings.seed)
+        say(holding.NAME)
+        row: dict[str, Any] = {"model": holding.NAME, "r2": {}}
+        try:
+            for name, folds in splits.items():
+                scores, weights = holding.errors(data, known, folds)
+                row[name], row["r2"][name] = scores["nrmse"], scores["r2"]
+            row["weights"] = dict(zip(folds.names, weights, strict=True))
+        except InputError as reason:
+            print(f"{holding.NAME}: {reason}")
+            return cls(data, splits, others, None)
+        return cls(data, splits, others, row)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The convex network, where there is one, and the baselines."""
+        return [row for row in (self.convex, *self.baselines) if row is not None]
+
+    def network(self, takes: Mapping[str, Any]) -> StoredNetwork:
+        """What is taken for the unseen, fitted to everything; else the convex one.
+
+        A piecewise-linear model is a convex network too; trees are none.
+        """
+        tensile, holds = self.data.tensile, self.data.relaxation
+        for model, way in product(MODELS, WAYS):
+            if takes["model"] == f"{model}, {WAYS[way]}":
+                every = holding.members(tensile, holds, self.data.cycles)
+                return holding.stored(every[f"{model}, {way}"], tensile)
+        return holding.held(tensile, holds, self.data.cycles).stored(tensile)
+
+
+def network_row(
+    use: str, one: Choice, anew: Finished, trainer: Trainer, rest: Beside
+) -> dict[str, Any]:
+    """A choice of the search as a row of the table: folds drawn anew."""
+    found = anew.result
+    row: dict[str, Any] = {
+        "model": one.words,
+        "chosen_by": "unseen" if use == "unseen" else None,
+        "random": found["nrmse"],
+        "unseen": found["unseen"]["nrmse"],
+        "r2": {"random": found["r2"], "unseen": found["unseen"]["r2"]},
+    }
+    if "specimen" in rest.splits:
+        parts = {"specimen": slice(None)}
+        judged = trainer.judge_parts(found["configuration"], parts)["specimen"]
+        row["specimen"], row["r2"]["specimen"] = judged["nrmse"], judged["r2"]
+    return row
+
+
+def figures(known: Mapping[str, Any], takes: Mapping[str, Any]) -> dict[str, float]:
+    """NRMSE and R2 of what is taken for each use, as the runs of trials name them."""
+    return {
+        "nrmse": float(np.mean(known["random"])),
+        "r2": float(np.mean(known["r2"]["random"])),
+        "nrmse_unseen": float(np.mean(takes["unseen"])),
+        "r2_unseen": float(np.mean(takes["r2"]["unseen"])),
+    }
 
 
 def once_more(trainer: Trainer, unseen: str) -> Again:

@@ -100,10 +100,10 @@ def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> I
 def stepped(model: StoredNetwork) -> Architecture:
     """The inputs of a network; `InputError` for those that no export can make."""
     row = architecture_of(model.architecture)
-    if row.feedback or row.radial or row.recurrent:
+    if row.feedback or row.radial or row.recurrent or row.convex:
         raise InputError(
             f"a network of inputs {model.architecture} cannot be exported: no C is "
-            "written for stress fed back, nor for Gaussian or recurrent units"
+            "written for stress fed back, nor for Gaussian, recurrent or convex units"
         )
     return row
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softnn.contracts import Array
+from softnn.contracts import Array, InputError
 from softnn.neural.history import earlier
 from softnn.neural.inputs import Samples, architecture_of, columns
 from softnn.neural.levenberg import DEFAULTS, Settings
@@ -37,6 +37,11 @@ def fit_samples(
     device: theirs are steps too small for another.
     """
     row = architecture_of(architecture)
+    if row.convex:
+        raise InputError(
+            f"inputs are {architecture}; such a network is fitted in one step, by "
+            "softnn.study.holding.held(recordings, holds)"
+        )
     if row.radial:
         return train_radial(
             known.inputs,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softnn.contracts import Array, InputError
+from softnn.neural.convex import ConvexNetwork
 from softnn.neural.history import at_lag, earlier, filtered, largest
 from softnn.neural.network import (
     BoundedNetwork,
@@ -26,7 +27,8 @@ class Architecture:
     strain so far, strain behind filters of `filters` lag times, strain of the springs
     of Maxwell branches of `branches` lag times, the stress of a lag ago. `radial`:
     Gaussian units in place of tanh; `recurrent`: gated ones, which go from sample to
-    sample; `bounded`: see `BoundedNetwork`.
+    sample; `bounded`: see `BoundedNetwork`; `convex`: see `ConvexNetwork`, whose units
+    need the time beside the strain.
     """
 
     lags: tuple[int, ...]
@@ -38,12 +40,13 @@ class Architecture:
     radial: bool = False
     recurrent: bool = False
     bounded: bool = False
+    convex: bool = False
 
     @property
     def width(self) -> int:
         """Number of inputs."""
         past = len(self.filters) + len(self.branches) + self.feedback
-        return len(self.lags) + self.rate + self.largest + past
+        return len(self.lags) + self.rate + self.largest + past + self.convex
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,6 +55,7 @@ class Architecture:
         names += ["strain_rate_per_s"] * self.rate + ["largest_strain"] * self.largest
         names += [f"strain_filtered[{times}]" for times in self.filters]
         names += [f"strain_of_branch[{times}]" for times in self.branches]
+        names += ["time_s"] * self.convex
         return (*names, *["stress_MPa[t-1]"] * self.feedback)
 
     @property
@@ -66,6 +70,8 @@ class Architecture:
             return RadialNetwork
         if self.recurrent:
             return RecurrentNetwork
+        if self.convex:
+            return ConvexNetwork
         return BoundedNetwork if self.bounded else Network
 
 
@@ -84,7 +90,9 @@ ARCHITECTURES = {
 HISTORIES = {
     "FFH7": Architecture(
         lags=(0,), largest=True, branches=(1, 10, 100, 1000, 10_000), bounded=True
-    )
+    ),
+    # For rates never seen; fitted by `softnn.neural.convex`, not by epochs.
+    "CONVEX": Architecture(lags=(0,), convex=True),
 }
 FILTER_S = 1.0  # shortest filter where no lag is given: tests last 5 s to minutes
 
@@ -177,6 +185,8 @@ def columns(
     found += [
         recording.strain - filtered(recording, times * unit) for times in row.branches
     ]
+    if row.convex:
+        found.append(recording.time_s)
     return np.column_stack(found)
 
 

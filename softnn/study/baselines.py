@@ -33,6 +33,7 @@ from softnn.models.relaxation import (
 )
 from softnn.models.segments import Tolerance
 from softnn.recording import Recording
+from softnn.study.material_data import first_loading
 
 TOLERANCES = tuple(t / 100 for t in range(10, 101, 10))
 MODELS = ("PL-SLS", "PL-Wiechert")
@@ -376,6 +377,23 @@ def training_fits(
             reasons[model, "joint"] = (
                 "a fold leaves one rate: branches pass for springs"
             )
+    return fits
+
+
+def cyclic_fits(
+    train: Sequence[Recording],
+    holds: Sequence[Recording],
+    reasons: dict[tuple[str, str], str],
+) -> dict[tuple[str, str], PiecewiseFit]:
+    """The same for whole cycles, which tell a branch from a spring at one rate too.
+
+    From holds and curves, as in the thesis, it is the first loadings that are fitted;
+    jointly, the cycles themselves.
+    """
+    loadings = [first_loading(r, len(r)) for r in train]
+    fits = training_fits(loadings, holds, reasons)
+    for model in MODELS:
+        fits[model, "joint"] = fit_jointly(train, JOINT_BRANCHES[model])
     return fits
 
 

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RESULTS = Path(softnn.__file__).parents[1] / "studies" / "results"
+AFTER_S = 0.01  # after which a lost interrupt is sent again: the callback is over
 RUNS = Path("mlruns")  # below the folder the study is started in; ignored by git
 SHOWING = ("cli.py", "report.py", "tracking.py")  # what is found, not finding it
 MADE_BY_CODE = ("--", ".", ":!studies/results", ":!docs", ":!README.md")
@@ -82,7 +83,7 @@ def guarded(work: Callable[[], None]) -> int:
     """The exit code of `work`: 0, 2 for unusable input, 130 for ctrl-C or `kill`."""
     commit()  # of the code as it was loaded: a long study may outlive it
     try:
-        with killed_as_by_ctrl_c():
+        with killed_as_by_ctrl_c(), lost_interrupts_sent_again():
             work()
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -104,6 +105,38 @@ def killed_as_by_ctrl_c() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def lost_interrupts_sent_again() -> Iterator[None]:
+    """Ctrl-C ends a study even where Python would print and forget it.
+
+    The interrupt may come while the garbage collector calls back, as it does for
+    SQLAlchemy's connections. What is raised there reaches `sys.unraisablehook` and
+    nobody else. Raised in the hook it would be lost again, so a thread sends it after.
+    """
+    before = sys.unraisablehook
+
+    def hook(lost: sys.UnraisableHookArgs) -> None:
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            again = threading.Timer(AFTER_S, _interrupt)
+            again.daemon = True
+            again.start()
+        else:
+            before(lost)
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+
+
+def _interrupt() -> None:
+    if hasattr(signal, "pthread_kill"):  # wakes the main thread from a sleep too
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        signal.raise_signal(signal.SIGINT)
 
 
 def runs_folder(smoke: bool = False) -> Path:

@@ -99,6 +99,13 @@ class Sweep:
             sampler=sampler,
         )
         self._tracker: Tracker | None = None
+
+        def searched(name: str, value: str) -> str:
+            values = space.get(name)  # the settings say nothing of what is drawn
+            if values is None or isinstance(values, Range):
+                return value if values is None else str(values)
+            return ", ".join(map(str, values))
+
         try:
             self.stored = len(self.search.finished)
             if not places.worker:
@@ -111,10 +118,12 @@ class Sweep:
                     name=data.label,
                     parameters={
                         "material": data.material,
-                        "inputs": settings.inputs,
+                        "inputs": searched("inputs", settings.inputs),
                         "neurons": listed(settings.neurons),
-                        "split": settings.split,
-                        "regularisation": settings.regularisation,
+                        "split": searched("split", settings.split),
+                        "regularisation": searched(
+                            "regularisation", settings.regularisation
+                        ),
                         "folds": settings.folds,
                         "sampler": sampler,
                         "fraction": settings.fraction,
@@ -230,6 +239,7 @@ class Sweep:
         if "unseen" in found:
             metrics["nrmse_unseen"] = float(np.mean(found["unseen"]["nrmse"]))
             metrics["fold_nrmse_unseen"] = found["unseen"]["nrmse"]
+            metrics["r2_unseen"] = float(np.mean(found["unseen"]["r2"]))
         tracker.trial(
             describe(trial.parameters),
             trial.parameters,
@@ -258,8 +268,46 @@ class Sweep:
             "parameters": {k: v for k, v in parameters.items() if k != "weight"},
         }
 
-    def register(self, network: StoredNetwork, aliases: Sequence[str]) -> None:
-        """Put a network trained on everything into the registry, by material."""
+    def say(self, what: str) -> None:
+        """Show beside the progress bar what is being done."""
+        self._bar.set_postfix_str(what)
+
+    def beside(self, row: Mapping[str, Any], unseen: str) -> None:
+        """Log a model that is no trial as a run beside the trials.
+
+        `row` has NRMSE by fold under "random", "specimen" and "unseen", or why not, and
+        R2 under "r2".
+        """
+        metrics: dict[str, Any] = {}
+        for split, end in (
+            ("random", ""),
+            ("specimen", "_specimen"),
+            ("unseen", "_unseen"),
+        ):
+            if isinstance(row.get(split, ""), str):
+                continue
+            for name, values in (("nrmse", row[split]), ("r2", row["r2"][split])):
+                metrics[f"{name}{end}"] = float(np.mean(values))
+                metrics[f"fold_{name}{end}"] = values
+        now = datetime.now()
+        why = {s: row[s] for s in ("random", "unseen") if isinstance(row[s], str)}
+        tags = {"note": "; ".join(f"{s}: {reason}" for s, reason in why.items())}
+        self.tracker.trial(
+            row["model"],
+            {"inputs": row["model"], "unseen": unseen},
+            metrics,
+            started=now,
+            ended=now,
+            tags=tags,
+        )
+
+    def register(
+        self, network: StoredNetwork, aliases: Sequence[str], about: str = ""
+    ) -> None:
+        """Put a network trained on everything into the registry, by material.
+
+        `about` says in a sentence what the network is for and how good it is.
+        """
         first = self.data.tensile[0]
         rows = slice(None, None, max(1, len(first) // 5))
         example = {
@@ -276,6 +324,7 @@ class Sweep:
             network.source,
             example,
             said.tolist(),
+            about,
         )
 
     def told(self, headline: Mapping[str, Any], **more: Any) -> dict[str, Any]:
