@@ -1,7 +1,4 @@
-"""Pictures of the README, from `studies/results`: `python -m studies.pictures`.
-
-Below the picture README says which commits made the results.
-"""
+"""The picture of docs/architectures.md: `python -m studies.pictures`."""
 
 from __future__ import annotations
 
@@ -9,18 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from bench.checking import moved
-from bench.reporting import between
-from softnn.study.common import COLOURS, FAINT, RESULTS, made_with, new_figure
+from bench.architectures.page import PANELS
+from softnn.study.common import COLOURS, FAINT, RESULTS, new_figure
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "figures"
-MARK = "<!-- made by python -m studies.pictures -->"
-PANELS = {
-    "neurons": "virtual specimens of\nnatural rubber with polyester",
-    "neurons-vhb4910-zhao": "recordings of\nVHB 4910 acrylic tape",
-    "neurons-rubber-compression-relaxation": "recordings of\nrubber cylinders",
-}
 JUDGED = ("random folds", "by specimen", "by rate")
 MARKS = {
     "network": (COLOURS[1], "o"),
@@ -69,14 +59,5 @@ def result(name: str) -> dict[str, Any]:
     return dict(json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8")))
 
 
-def about() -> str:
-    """Which commits made the results of the picture, and which figures moved since."""
-    lines = [f"`{name}.json`: {made_with(result(name))}" for name in PANELS]
-    return "\n".join(filter(None, [*lines, moved(RESULTS, *PANELS)]))
-
-
 if __name__ == "__main__":
     judged()
-    readme = ROOT / "README.md"
-    text = between(MARK, readme.read_text(encoding="utf-8"), about())
-    readme.write_text(text, encoding="utf-8")

@@ -6,7 +6,7 @@ import re
 import pytest
 from smoke import smoked
 
-from bench.architectures.page import MARK, ROOT, make, result_files, summary
+from bench.architectures.page import ROOT, make
 
 
 def row(inputs, neurons, random, unseen):
@@ -64,7 +64,6 @@ def written(tmp_path):
         "architectures-tape": result("tape", "VHB", [0.5, 0.7]),
     }.items():
         (results / f"{name}.json").write_text(json.dumps(found))
-    (home / "README.md").write_text(f"before\n\n{MARK}\nold\n{MARK}\n\nafter\n")
     return results, home, make(results, home).read_text()
 
 
@@ -84,18 +83,6 @@ def test_real_recordings_come_first_and_figures_are_those_of_the_files(written):
     assert "VHB: take this. **PL-SLS foretells" in text
     assert "by 35.0 %: take it there" in text
     assert "NR: take this.\n" in text
-
-
-def test_readme_has_the_table_between_its_marks(written):
-    results, home, _ = written
-    readme = (home / "README.md").read_text()
-    made = summary(result_files(results).values())
-    assert readme.split(MARK)[1].strip().endswith(f"\n\n{made}")
-    assert "old" not in readme
-    assert readme.startswith("before\n")
-    assert readme.endswith("\n\nafter\n")
-    make(results, home)
-    assert (home / "README.md").read_text() == readme
 
 
 def test_what_simulated_recordings_are_worth_is_said(written):
@@ -122,7 +109,6 @@ def test_what_simulated_recordings_are_worth_is_said(written):
     text = make(results, home).read_text()
     assert "60.0 +- 10.0 % | 20.0 +- 0.0 % | 40.0 +- 10.0 %" in re.sub(" +", " ", text)
     assert "Of 0.1 /s, where it is worst, a diagnosis of the network (FFRI1;" in text
-    assert "help 1 of 1 networks" in (home / "README.md").read_text()
 
 
 def test_without_results_the_page_names_the_command(tmp_path):

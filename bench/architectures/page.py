@@ -25,12 +25,10 @@ from bench.architectures.choices import (
 )
 from bench.architectures.report import draw, table
 from bench.checking import moved
-from bench.reporting import between
 from softnn.search.samplers import STARTUP
 from softnn.study import common
 
 ROOT = Path(__file__).resolve().parents[2]
-MARK = "<!-- made by python -m studies.architectures_page -->"
 MADE = (
     "Made by `python -m studies.architectures_page` from `studies/results`; no number "
     "here is typed. Errors are NRMSE, +- one standard error over folds. Of a search "
@@ -48,9 +46,25 @@ MADE = (
     "fewer trials compares architectures, and says little of neurons or of "
     "regularisation."
 )
-INTRO = """Which network to take: two answers a material, for samples of recordings one
-has and for what was never seen, each beside the best that is no network.
-[The page](docs/architectures.md) has the rest."""
+ABOUT = (
+    "For those who want a network, and ask which one. The first table has two answers "
+    "a material: for recordings one has, and for rates or specimens never seen, each "
+    "beside the best that is no network. FFRI1, FFRI2 and FFRI3 are networks whose "
+    "inputs are the strain now, and one and two samples before; FFRD4 has the strain "
+    "and its rate; FFH4 and FFH7 have the largest strain so far and filtered strains; "
+    "GRU is a gated recurrent network. PL is a piecewise-linear spring, with one "
+    "branch (PL-SLS) or several (PL-Wiechert)."
+)
+JUDGED = (
+    "Random folds put neighbours in time of one specimen on both sides, so they "
+    "measure interpolation. They are the protocol of the thesis. Specimens and rates "
+    "never seen are the harder test, and the one that a controller meets."
+)
+PANELS = {
+    "neurons": "virtual specimens of\nnatural rubber with polyester",
+    "neurons-vhb4910-zhao": "recordings of\nVHB 4910 acrylic tape",
+    "neurons-rubber-compression-relaxation": "recordings of\nrubber cylinders",
+}
 COMMAND = "python -m studies.architectures"
 
 Result = Mapping[str, Any]
@@ -62,18 +76,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     p.add_argument(
         "--results", type=Path, default=common.RESULTS, help="where the JSON lies"
     )
-    p.add_argument("--out", type=Path, help="folder of README.md and docs (this one)")
+    p.add_argument("--out", type=Path, help="folder of docs (this one)")
     a = p.parse_args(argv)
     folder = a.out or (common.RUNS / "smoke" if a.smoke else ROOT)
     return common.guarded(lambda: print(f"written to {make(a.results, folder)}"))
 
 
 def make(results: Path, folder: Path) -> Path:
-    """Write the page, its figures and README's table; the path of the page."""
+    """Write the page and its figures; the path of the page."""
     files = result_files(results)
     docs = folder / "docs"
     (docs / "figures").mkdir(parents=True, exist_ok=True)
-    parts = ["# Which network for which use", MADE]
+    parts = ["# Which network for which use", ABOUT, MADE]
     parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
     lacks = lacks_of(results)
     for name, found in sections(files).items():
@@ -87,20 +101,28 @@ def make(results: Path, folder: Path) -> Path:
             shown = table(one["front"], one["baselines"], f"unseen {one['unseen']}")
             parts += [f"### {one['label']}", said, shown]
         parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
+    parts += judged(results)
     parts += held_out(results)
     parts += augmented(results)
     page = docs / "architectures.md"
     page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
-    readme = folder / "README.md"
-    if readme.exists() and files:
-        text, made = readme.read_text(encoding="utf-8"), summary(files.values())
-        names = [*(file.stem for file in files), "augmentation"]
-        lines = [INTRO, made_with(files.values()), moved(results, *names)]
-        about = "\n".join(filter(None, lines))
-        readme.write_text(
-            between(MARK, text, f"{about}{helps(results)}\n\n{made}"), encoding="utf-8"
-        )
     return page
+
+
+def judged(results: Path) -> list[str]:
+    """How good one network is, judged in three ways: the picture and its sources."""
+    if not all((results / f"{name}.json").exists() for name in PANELS):
+        return []
+    made = [
+        f"`{name}.json`: {common.made_with(read(results / f'{name}.json'))}"
+        for name in PANELS
+    ]
+    return [
+        "## Judged in three ways",
+        "![NRMSE of networks and piecewise-linear models](figures/judged.png)",
+        JUDGED,
+        "\n".join(filter(None, [*made, moved(results, *PANELS)])),
+    ]
 
 
 def held_out(results: Path) -> list[str]:
@@ -237,19 +259,6 @@ def lacks_of(results: Path) -> dict[str, str]:
         + common.made_with({**found, **one})
         for label, one in found.get("materials", {}).items()
     }
-
-
-def helps(results: Path) -> str:
-    """What simulated recordings are worth, in a sentence; nothing where not run."""
-    found = read(results / "augmentation.json")
-    if not found:
-        return ""
-    head = found["headline"]
-    return (
-        "\nRecordings simulated by a piecewise-linear model, added to training, help "
-        f"{head['helped']} of {head['networks']} networks at what was never seen and "
-        f"harm {head['harmed']}. {common.made_with(found)}"
-    )
 
 
 def augmented(results: Path) -> list[str]:
