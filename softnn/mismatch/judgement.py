@@ -29,8 +29,6 @@ from softnn.mismatch.prediction import Candidate
 from softnn.mismatch.replicates import Replicates
 from softnn.noise import Noise, estimate
 
-ROUNDS = 2  # of searches; after the first, replicates may show one more fault
-
 
 @dataclass(frozen=True)
 class Judgement:
@@ -158,12 +156,16 @@ def by_prediction(base: Baseline) -> Judgement:
 
     if Replicates(engine).groups:
         ask(prediction.sketch(base, pieces()))
-    for _ in range(ROUNDS):
-        given = pieces()
-        found = prediction.search(base, given)
-        best = prediction.best(found)
-        if not ask(best.fit):
-            break
+    given = pieces()
+    found = prediction.search(base, given)
+    known = dict(own)
+    if ask(prediction.best(found).fit):
+        again = prediction.search(base, pieces())
+        if prediction.best(again).score < prediction.best(found).score:
+            given, found = pieces(), again
+        else:
+            own = known
+    best = prediction.best(found)
     bare = prediction.alone(base, found)
     probable = prediction.posterior(found, bare)
     probable = with_mistakes(probable, engine)

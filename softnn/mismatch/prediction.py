@@ -303,9 +303,11 @@ def missed(
 
 
 def scales(piece: Piece) -> bool:
-    """Whether the stress after an effect is in proportion to the stress before it."""
-    later = "load_cell_drift", "zero_offset", "load_cell_saturation"
-    return piece.effect.id not in later
+    """Whether the stress after an effect is in proportion to the stress before it.
+
+    A drift counts as such: a wrong cross-section scales it, too.
+    """
+    return piece.effect.id not in ("zero_offset", "load_cell_saturation")
 
 
 def rescaled(engine: Engine, guess: Guess, new: Sequence[tuple[int, ...]]) -> Guess:
