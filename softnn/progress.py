@@ -6,6 +6,10 @@ a little. Without a listener both cost nothing.
 
 from __future__ import annotations
 
+import contextlib
+import shutil
+import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -80,3 +84,105 @@ def step() -> None:
         now = time.monotonic()
         if now - told.last > EVERY_S:
             told.tell(now)
+
+
+class Shown:
+    """A line on the terminal that says what runs, for how long, and how far it is.
+
+    A thread writes it anew twice a second, so that it moves where a step takes long.
+    Without a terminal it is a line of its own every ten seconds. Nothing is written
+    where `quiet`.
+    """
+
+    def __init__(self, label: str, quiet: bool = False) -> None:
+        self.label, self.quiet = label, quiet
+        self.live = not quiet and sys.stderr.isatty()
+        self.stage, self.steps, self.last = "", 0, 0.0
+        self.began = self.changed = time.monotonic()
+        self.over = threading.Event()
+        self.lock = threading.Lock()
+
+    def __enter__(self) -> Shown:
+        if not self.quiet:
+            self.thread = threading.Thread(target=self._beat, daemon=True)
+            self.thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.over.set()
+        if not self.quiet:
+            self.thread.join()
+            self.clear()
+
+    def __call__(self, now: Progress) -> None:
+        if now.stage != self.stage:
+            self.changed = time.monotonic()
+        self.stage, self.steps = now.stage, now.steps
+
+    def say(self, line: str) -> None:
+        """A line of its own, above the one that moves."""
+        with self.lock:
+            self._clear()
+            print(line, file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        with self.lock:
+            self._clear()
+
+    def _clear(self) -> None:
+        if self.live:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+    def _beat(self) -> None:
+        while not self.over.wait(BEAT_S if self.live else SIGN_S):
+            with self.lock, contextlib.suppress(OSError, ValueError):
+                if self.live:
+                    width = shutil.get_terminal_size().columns - 1
+                    print(f"\r\x1b[K{self.line()[:width]}", end="", file=sys.stderr,
+                          flush=True)  # fmt: skip
+                else:
+                    print(self.line(), file=sys.stderr, flush=True)
+
+    def line(self) -> str:
+        """What runs, how far it is, since when, and about how long it will take."""
+        now = time.monotonic()
+        told = _SAID.get(self.stage, "starting")
+        passed = spelt(now - self.began)
+        if self.stage != "diagnosing":
+            return f"{self.label}: {told}, {passed}"
+        share = done(self.steps)
+        full = round(20 * share)
+        bar = "#" * full + "-" * (20 - full)
+        left = ""
+        if share > 0.02:
+            left = f", about {spelt((now - self.changed) * (1 - share) / share)} left"
+        return f"{self.label}: {told} [{bar}] {self.steps} steps, {passed}{left}"
+
+
+_SAID = {"reading": "reading", "diagnosing": "comparing models", "writing": "writing"}
+BEAT_S, SIGN_S = 0.5, 10.0  # between two signs of life, on a terminal and elsewhere
+USUAL = 1000  # steps of a diagnosis
+
+
+def done(steps: int) -> float:
+    """About which share of a diagnosis so many steps are: half after the usual ones.
+
+    How many there are is known only at the end; so the bar slows down and never claims
+    to be full.
+    """
+    return steps / (steps + USUAL)
+
+
+def spelt(seconds: float) -> str:
+    """A time as one would say it.
+
+    >>> spelt(42.3), spelt(125), spelt(7300)
+    ('42 s', '2 min 5 s', '2 h 1 min')
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"

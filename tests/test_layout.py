@@ -20,6 +20,7 @@ ORDER = (
         "materials",
         "noise",
         "bounded",
+        "start",
         "workers",
         "database",
         "state",

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from softnn import readers
-from softnn.contracts import InputError, nearest
+from softnn.axes import Axes, common
+from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.mismatch import base as bases
 from softnn.mismatch import diagnosis
-from softnn.mismatch.case import HISTORIES, Case, case_of, check_sizes, read_case
+from softnn.mismatch.case import (
+    HISTORIES,
+    Case,
+    case_of,
+    check_sizes,
+    read_case,
+    read_notes,
+)
 from softnn.mismatch.diagnosis import Diagnosis
 from softnn.model_file import Stored, read_model
 from softnn.plausible import accidents, check_plausible, scattered, understood
@@ -21,7 +29,7 @@ from softnn.progress import Listener, heard, stage
 from softnn.readers import ReadOptions
 from softnn.readers.arguments import as_arguments
 from softnn.readers.folder import read_files, without_copies
-from softnn.recording import Recording
+from softnn.recording import Recording, bridged
 
 if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
@@ -129,9 +137,84 @@ def _read_case(path: Paths, options: ReadOptions, skip: Sequence[str] = ()) -> C
     if len(paths) == 1 and not paths[0].is_file():
         return read_case(paths[0], options, skip)
     found = read_files(None, paths, options, readers.read)
+    found.notes += read_notes(found.recordings)
     one = paths[0]
     name = one.name.partition(".")[0] if len(paths) == 1 else one.resolve().parent.name
     return case_of(found.recordings, name, notes=tuple(found.notes))
+
+
+@dataclass(frozen=True)
+class History:
+    """What a model is simulated over: a name, a strain programme, and what is known.
+
+    `simulated` and `measured` are stress (n,) in the unit of the recording, or None.
+    """
+
+    name: str
+    chunk: Chunk
+    simulated: Array | None
+    measured: Array | None
+
+
+def histories(
+    paths: Sequence[str | Path],
+    axes: Axes,
+    options: ReadOptions | None = None,
+    skip: Sequence[str] = (),
+) -> tuple[list[History], list[str]]:
+    """Histories in files and folders, every one that `diagnose` takes; and notes.
+
+    A tidy CSV may lack the stress. Raises `InputError`.
+    """
+    from softnn.mismatch.histories import read_history
+
+    options = options or ReadOptions()
+    bare, files, notes = list[History](), list[Path](), list[str]()
+    recordings: list[Recording] = []
+    for path in map(Path, paths):
+        if path.is_dir():
+            case = read_case(path, options, skip)
+            recordings += case.recordings
+            notes += case.notes
+        elif options == ReadOptions() and _is_tidy(path):
+            frame = read_history(path, axes)
+            time = frame["time_s"].to_numpy(float)
+            strain = bridged(frame[axes.strain.column].to_numpy(float), time)
+            more = {
+                key: frame[column].to_numpy(float) if column in frame else None
+                for key, column in (
+                    ("warm", "temperature_C"),
+                    ("simulated", axes.simulated),
+                    ("measured", axes.stress.column),
+                )
+            }
+            chunk = Chunk(time, strain, more.pop("warm"))
+            bare.append(History(path.name.partition(".")[0], chunk, **more))
+        else:
+            files.append(path)
+    if files:
+        found = read_files(None, files, options, readers.read)
+        recordings += found.recordings
+        notes += found.notes + read_notes(found.recordings)
+    common({"the model": axes} | {r.name: r.axes for r in recordings})
+    every = bare + [
+        History(r.name, r.history, r.simulated_MPa, r.stress_MPa) for r in recordings
+    ]
+    names = [h.name for h in every]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise InputError(f"two recordings are called {name!r}; rename one")
+    return every, notes
+
+
+def _is_tidy(path: Path) -> bool:
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(4096)
+    except (OSError, ValueError):
+        return False  # the reader says why
+    first = head.removeprefix(b"\xef\xbb\xbf").split(b"\n", 1)[0]
+    return b"time_s" in [name.strip(b' "\r') for name in first.split(b",")]
 
 
 def inferred(case: Case, model: str | None = None) -> list[str]:
@@ -141,7 +224,6 @@ def inferred(case: Case, model: str | None = None) -> list[str]:
         read_ = next((s.arguments for s in r.log if s.name == "read"), {})
         dialect = read_.get("dialect", "tidy CSV")
         lines.append(f"{r.name}: {dialect}, {len(r)} samples, {understood(r)}")
-        lines += [f"{r.name}: {note}" for note in read_.get("notes", [])]
     count, named = len(case.recordings), len(set(case.specimen.values()))
     specimens = f"{named} specimen{'s'[: named != 1]}" if named else "unnamed specimens"
     base = model or case.model

@@ -28,6 +28,7 @@ LARGEST_STRAIN = 15.0  # 1500 %: beyond what any elastomer here stands
 LARGEST_STRESS_MPa = 2000.0
 SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of what any gel or machine shows
 LONGEST_S = 1e11  # three thousand years
+UNTOLD = ("no force to use", "no displacement to use")  # on sizes given for all files
 BESIDE = 9  # intervals, of which the middle one is usual
 PAUSE = 10  # of them, beyond which a logger lost nothing but stood still
 
@@ -99,8 +100,7 @@ def read_case(
         files, notes = files_of(inner, skip)
         found = read_files(inner, files, options, readers.read)
         found.notes[:0] = notes
-    for recording in found.recordings:
-        check_sizes(recording, recording.source or None)
+    found.notes += read_notes(found.recordings)
     specimen = {
         Path(k).stem if k.endswith(".csv") else k: v
         for k, v in about.get("specimen", {}).items()
@@ -122,6 +122,17 @@ def read_case(
         folder=folder,
         notes=tuple(found.notes),
     )
+
+
+def read_notes(recordings: Sequence[Recording]) -> list[str]:
+    """What the readers chose of each recording, in lines."""
+    return [
+        f"{r.name}: {note}"
+        for r in recordings
+        for step in r.log[:1]
+        for note in step.arguments.get("notes", [])
+        if not note.startswith(UNTOLD)
+    ]
 
 
 def _unlisted(folder: Path) -> list[str]:

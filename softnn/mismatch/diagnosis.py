@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from dataclasses import dataclass, replace
 from html import escape
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from softnn import glance
+from softnn import glance, progress
 from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
@@ -117,12 +118,18 @@ class Diagnosis:
         """Write diagnosis.json, model.json, base.json and the report into `folder`."""
         from softnn.json_file import write
 
+        progress.stage("writing")
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
-        write(target / "model.json", self.model_json)
-        write(target / "base.json", self.base_json)
-        self.report(target)
-        write(target / "diagnosis.json", self.result)  # last: it says all is there
+        # All of it aside first: where the disk is full, what was there before stays.
+        with tempfile.TemporaryDirectory(prefix=".new-", dir=target) as new:
+            aside = Path(new)
+            write(aside / "model.json", self.model_json)
+            write(aside / "base.json", self.base_json)
+            self.report(aside)
+            write(aside / "diagnosis.json", self.result)
+            for file in ("model.json", "base.json", "report.html", "diagnosis.json"):
+                (aside / file).replace(target / file)  # last it says that all is there
         return target
 
 
@@ -144,6 +151,7 @@ def _diagnose(
     case: Case, model: str | Stored | StoredNetwork | None, seed: int
 ) -> Diagnosis:
     clock = time.perf_counter()
+    progress.stage("diagnosing")
     check_case(case)
     case = in_order(case)
     if seed < 0:

@@ -33,7 +33,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         group.add_argument(
             f"--{name}",
             dest=f"{name}_{unit}",
-            type=float,
+            type=_number,
             metavar=unit.upper(),
             help=_HELP.get(name, f"{name} of the specimen, {unit}"),
         )
@@ -53,6 +53,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--compression", action="store_true", help="the file counts compression > 0"
     )
     group.add_argument(
+        "--zero", action="store_true", help="strain counts from where the file starts"
+    )
+    group.add_argument(
         "--skip-bad-cells",
         action="store_true",
         help="cells that are no numbers become missing values",
@@ -61,7 +64,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         group.add_argument(f"--{name}", default="", help=f"{name}, to be recorded")
 
 
-_SWITCHES = ("as_is", "compression", "skip_bad_cells")
+def _number(text: str) -> float:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no number; put the size in its place, as 33.5"
+        ) from None
+
+
+_SWITCHES = ("as_is", "compression", "skip_bad_cells", "zero")
 
 
 def as_arguments(text: str) -> str:

@@ -8,6 +8,7 @@ the recording's log, and what is missing is an error that names the option.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,16 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.readers.chosen import Chosen
-from softnn.readers.lacking import Lacking, placed
-from softnn.readers.numbers import decimal_mark
+from softnn.readers.header import header_number
+from softnn.readers.lacking import Lacking, NoRecording, placed
+from softnn.readers.numbers import FEW, MANY, decimal_mark, numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.table import Table, find_tables, has_role
-from softnn.readers.vocabulary import TRUE, plain
+from softnn.readers.units import parse_unit
+from softnn.readers.vocabulary import DIMENSION, TRUE, plain, rank
 from softnn.recording import Recording, Step
+from softnn.start import ODD, OFFSET, beginning, stale, start
 
 # Beyond these a unit or the geometry is wrong, not the material: 100 is 10,000 %,
 # 20 GPa is beyond any wire.
@@ -48,7 +52,11 @@ class _Assembly(Chosen):
         table, options = self.table, self.options
         if not table.rows:
             raise InputError("no rows; at least two samples are needed")
+        if table.bad:
+            self.left_out(table.bad)
         force, stress, strain, elongation, time = self.channels()
+        self.check_short()
+        old = self.stale(strain, stress)
         self.check_time(time)
         self.check_size(strain, MAX_STRAIN, "strain", "--length")
         self.check_size(stress, MAX_STRESS, "stress [MPa]", "--area")
@@ -65,13 +73,18 @@ class _Assembly(Chosen):
         if table.sheet:
             arguments["sheet"] = table.sheet
         specimen = options.specimen or table.label or self.header.specimen
+        channels = {
+            "time_s": time - time[old] if old else time,
+            "strain": strain,
+            "stress_MPa": stress,
+            "temperature_C": self.optional("temperature"),
+            "force_N": force,
+            "elongation_mm": elongation,
+            "simulated_MPa": self.simulated(),
+        }
+        kept: dict[str, Any] = {k: v for k, v in channels.items() if v is not None}
         return Recording(
-            time_s=time,
-            strain=strain,
-            stress_MPa=stress,
-            temperature_C=self.optional("temperature"),
-            force_N=force,
-            elongation_mm=elongation,
+            **{k: v[old:] for k, v in kept.items()},
             name=table.file.name.split(".")[0],
             specimen=specimen,
             material=options.material or self.header.material,
@@ -81,6 +94,20 @@ class _Assembly(Chosen):
             source=str(table.file),
             log=(Step("read", arguments),),
         )
+
+    def simulated(self) -> Array | None:
+        """The stress of a simulation that stands beside the measured one."""
+        for i, column in enumerate(self.table.columns):
+            unit = parse_unit(self.unit_of(column, "simulated"))
+            named = re.search(r"\bsimulat", column.plain)
+            if named and unit is not None and unit.dimension == "stress":
+                values, _ = numbers(
+                    self.table, i, self.decimal, self.options.skip_bad_cells
+                )
+                self.used["simulated"] = str(column)
+                sign = -1.0 if self.flipped(column, "stress") else 1.0
+                return sign * values * unit.factor
+        return None
 
     def channels(self) -> tuple[Array | None, Array, Array, Array | None, Array]:
         """Force, stress, strain, elongation and time; all that lacks is said at once.
@@ -94,7 +121,8 @@ class _Assembly(Chosen):
         except Lacking as error:
             lacking = error
         try:
-            strain, elongation = self.strain()
+            load = stress if force is None else force
+            strain, elongation = self.strain(load)
         except Lacking as error:
             lacking = error if lacking is None else lacking.and_also(error)
         try:
@@ -158,13 +186,103 @@ class _Assembly(Chosen):
             raise Lacking(["area"])
         return force / area
 
-    def strain(self) -> tuple[Array, Array | None]:
+    def left_out(self, bad: Sequence[tuple[int, str]]) -> None:
+        """Rows that fit no column are left out if the user says so, else refused."""
+        line, told = bad[0]
+        few = len(bad) <= max(FEW, MANY * len(self.table.rows))
+        if not (self.options.skip_bad_cells and few):
+            how = (
+                "; repair the row, or leave such rows out with --skip-bad-cells"
+                if few
+                else f", and {len(bad) - 1} more rows alike; export the file again"
+            )
+            raise InputError(told + how, file=self.table.where, row=line)
+        self.notes.append(f"{len(bad)} rows left out, the first {line}: {told}")
+
+    def check_short(self) -> None:
+        """Refuse a row without some of its last cells, unless none of them is needed.
+
+        A cell lost within a row moves the others to the left; so those that are used
+        have to go on from the rows around.
+        """
+        table, width = self.table, len(self.table.columns)
+        if not table.short or len(table.short) > len(table.rows) / 2:
+            return  # a column without cells
+        others = np.setdiff1d(np.arange(len(table.rows)), table.short)
+        for k in table.short:
+            near = others[np.argsort(np.abs(others - k), kind="stable")[:6]]
+            if not all(self.goes_on(i, k, near) for i in self.cells):
+                count = len(table.rows[k])
+                raise InputError(
+                    f"{count} values under {width} column names, and it is open which "
+                    "is missing; complete the row, or delete it",
+                    file=table.where,
+                    row=int(table.lines[k]),
+                )
+        first = int(table.lines[table.short[0]])
+        self.notes.append(
+            f"{len(table.short)} rows lack their last cells, which are not needed; "
+            f"the first is row {first}"
+        )
+
+    def goes_on(self, index: int, k: int, near: Array) -> bool:
+        """Whether a cell of row k fits those of the rows `near`."""
+        values = self.cells.get(index)
+        if values is None or index >= len(self.table.rows[k]) or not len(near):
+            return values is None
+        low, high = np.nanmin(values[near]), np.nanmax(values[near])
+        slack = 3 * (high - low) + 0.01 * (np.nanmax(values) - np.nanmin(values))
+        return bool(low - slack <= values[k] <= high + slack)
+
+    def stale(self, strain: Array, stress: Array) -> int:
+        """How many first rows are left out, and a note on them."""
+        count = stale(strain, stress)
+        if count:
+            first, last = self.table.lines[0], self.table.lines[count - 1]
+            rows = f"row {first}" if count == 1 else f"rows {first} to {last}"
+            self.notes.append(
+                f"{rows} left out: one channel jumps there while the other rests, as "
+                "where a machine writes what was left from before"
+            )
+        return count
+
+    def zeroed(self, moved: Array, load: Array | None, role: str) -> Array:
+        """Travel from where the recording starts, if that cannot be the specimen's."""
+        name = self.used.get(role, role)
+        if self.options.zero:
+            self.notes.append(f"{name!r} counts from where it starts (--zero)")
+            return moved - start(moved)
+        if load is None or any(n.startswith("zero of") for n in self.notes):
+            return moved
+        first, share = beginning(moved, load)
+        unit = " mm" if role == "displacement" else ""
+        if role == "displacement" and share > OFFSET:
+            self.notes.append(
+                f"{name!r} starts at {first:.4g}{unit} with no load, the machine's "
+                "position; it counts from there"
+            )
+            return moved - first
+        if role == "strain" and 0.9 < first < 1.1:
+            column = name.partition(" [")[0]
+            self.notes.append(
+                f"{column!r} starts at {first:.4g} with no load, as a stretch ratio "
+                f"does; if it is one, say --unit '{column}=stretch'"
+            )
+        elif share > ODD:
+            self.notes.append(
+                f"{name!r} starts at {first:.4g}{unit} with no load; if that is the "
+                "machine's position, say --zero"
+            )
+        return moved
+
+    def strain(self, load: Array | None = None) -> tuple[Array, Array | None]:
         """Strain and elongation; from the displacement when a length is given."""
         options = self.options
         elongation: Array | None = None
         if options.length_mm is not None and not options.strain:
             elongation = self.read("displacement")
             if elongation is not None:
+                elongation = self.zeroed(elongation, load, "displacement")
                 return elongation / options.length_mm, elongation
             self.notes.append("no displacement to use --length on")
         strain = self.read("strain")
@@ -172,6 +290,7 @@ class _Assembly(Chosen):
             if TRUE.search(plain(self.used["strain"])):
                 self.notes.append("true strain made engineering strain, exp(e) - 1")
                 strain = np.expm1(np.minimum(strain, 50.0))
+            strain = self.zeroed(strain, load, "strain")
             elongation = self.optional("displacement")
             length = self.geometry.length_mm
             if elongation is not None and length is not None:
@@ -202,6 +321,7 @@ class _Assembly(Chosen):
         if length is None:
             self.header.refuse_unknown(("length",))
             raise Lacking(["length"])
+        elongation = self.zeroed(elongation, load, "displacement")
         return elongation / length, elongation
 
     def time(self, strain: Array | None) -> Array | None:
@@ -311,12 +431,13 @@ def recordings(
     Raises `InputError` for the reason the best of them is none.
     """
     if not tables:
-        raise InputError(
+        raise NoRecording(
             "no rows of numbers below column names; expected are columns of time, "
             "force or stress, and displacement or strain",
             file=file,
         )
     decimal = options.decimal or decimal_mark(tables, file)
+    tables = _joined(tables)
     chosen = [t for t in tables if _is_test(t, options)]
     if not chosen:
         chosen = [max(tables, key=lambda t: len(t.rows))]
@@ -327,9 +448,53 @@ def recordings(
     return [assemble(table, rules, options, decimal) for table in chosen]
 
 
+def _joined(tables: list[Table]) -> list[Table]:
+    """Tables whose names come again on every page, put together again."""
+    out: list[Table] = []
+    for table in tables:
+        before = out[-1] if out else None
+        if before is None or not _continues(before, table):
+            out.append(table)
+            continue
+        note = f"names repeated above row {int(table.lines[0])}: one table"
+        out[-1] = replace(
+            before,
+            rows=before.rows + table.rows,
+            lines=np.concatenate([before.lines, table.lines]),
+            short=before.short + tuple(len(before.rows) + k for k in table.short),
+            bad=before.bad + table.bad,
+            notes=(*before.notes, *table.notes, note),
+        )
+    return out
+
+
+def _continues(before: Table, table: Table) -> bool:
+    """Whether a table of the same columns goes on where the one before it ends."""
+    if before.columns != table.columns or table.header or table.label:
+        return False
+    if before.sheet != table.sheet:
+        return False
+    clock = [i for i, c in enumerate(table.columns) if rank("time", c.plain) == 0]
+    if not clock or len(before.rows) < 3:
+        return False
+    times = [*before.cells(clock[0])[-3:], *table.cells(clock[0])[:1]]
+    numbers_ = [header_number(str(t)) for t in times]
+    if any(t is None for t in numbers_):
+        return False
+    a, b, c, d = (t or 0.0 for t in numbers_)
+    return 0 < d - c <= 10 * max(c - b, b - a)
+
+
 def _is_test(table: Table, options: ReadOptions) -> bool:
+    dimensions = {u.dimension for c in table.columns if (u := parse_unit(c.unit))}
+
     def has(*roles: str) -> bool:
-        return any(getattr(options, role) or has_role(table, role) for role in roles)
+        return any(
+            getattr(options, role)
+            or has_role(table, role)
+            or (table.nameless and DIMENSION[role] in dimensions)
+            for role in roles
+        )
 
     timed = has("time") or options.interval_s or options.rate_per_s
     return bool(

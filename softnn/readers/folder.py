@@ -12,6 +12,7 @@ the size to the file and to the options.
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import os
 import shlex
@@ -25,6 +26,7 @@ import numpy as np
 
 from softnn import progress
 from softnn.contracts import InputError, nearest
+from softnn.json_file import write_text
 from softnn.readers.lacking import Lacking, NoRecording
 from softnn.readers.options import ReadOptions
 from softnn.readers.tidy import read_text
@@ -92,8 +94,13 @@ def read_files(
     sizes = {} if folder is None else specimens(folder)
     found, lacking, wrong = Found(), dict[str, Lacking](), dict[str, InputError]()
     used: set[str] = set()
+    first: dict[bytes, str] = {}  # file of each content
     for file in files:
         shown = _shown(file, folder)
+        before = first.setdefault(_content(file), shown)
+        if before != shown and shown not in sizes:
+            found.notes.append(f"{shown}: a copy of {before}, left out")
+            continue
         row = sizes.get(shown) or sizes.get(file.name) or {}
         used |= {shown, file.name} & set(sizes)
         progress.step()
@@ -114,7 +121,7 @@ def read_files(
     if folder is not None and unused:
         names = [_shown(f, folder) for f in files]
         raise InputError(
-            f"names {unused[0]!r}{nearest(unused[0], names)}, which is no file read here",
+            f"names {unused[0]!r}{nearest(unused[0], names)}, which is no file here",
             file=folder / "specimens.csv",
             column="file",
         )
@@ -124,6 +131,13 @@ def read_files(
     _uncopied(found)
     _named(found)
     return found
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return hashlib.sha256(file.read_bytes()).digest()
+    except (OSError, ValueError):
+        return str(file).encode()  # the reader says why
 
 
 def _shown(file: Path, folder: Path | None) -> str:
@@ -348,21 +362,36 @@ def _size(text: str, path: Path, row: int, column: str) -> float | None:
     return value
 
 
-def write_template(folder: Path, files: Sequence[Path]) -> Path:
-    """Write specimens.csv with a row a file; rows that are there stay as they are."""
+def write_template(
+    folder: Path, files: Sequence[Path], options: ReadOptions, read: Reader
+) -> Path:
+    """Write specimens.csv with a row a recording; rows that are there stay as they are.
+
+    Files that hold no test and copies get no row.
+    """
     path = folder / "specimens.csv"
     before = specimens(folder)
-    names = [f.relative_to(folder).as_posix() for f in files]
     rows = [{"file": n, **{k: v for k, v in r.items() if v}} for n, r in before.items()]
-    rows += [{"file": n} for n in names if n not in before]
+    seen: set[bytes] = set()
+    for file in files:
+        name = file.relative_to(folder).as_posix()
+        specimen = ""
+        try:
+            specimen = read(file, options)[0].specimen
+        except NoRecording:
+            continue
+        except InputError:  # it lacks its sizes, as a rule
+            pass
+        content = _content(file)
+        if name not in before and content not in seen:
+            rows.append({"file": name, "specimen": specimen})
+        seen.add(content)
     out = io.StringIO(newline="")
     writer = csv.DictWriter(out, TABLE, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     try:
-        aside = path.with_name(f".{path.name}.{os.getpid()}")
-        aside.write_text(out.getvalue(), encoding="utf-8")
-        aside.replace(path)
+        write_text(path, out.getvalue())
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=path) from None
     return path

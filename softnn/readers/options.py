@@ -16,7 +16,8 @@ class ReadOptions:
     column it gives the time too, from strain, as `interval_s` [s] between samples
     does, which also replaces a faulty clock. `time` ... `temperature` name the column
     to use; `units` gives units by column name, `{"Force": "kN"}`. `compression`: the
-    file counts compression positive. `skip_bad_cells`: cells that are no numbers are
+    file counts compression positive. `zero`: strain and displacement count from where
+    the recording starts. `skip_bad_cells`: cells that are no numbers are
     missing values.
     """
 
@@ -36,6 +37,7 @@ class ReadOptions:
     units: dict[str, str] = field(default_factory=dict)
     decimal: str = ""
     compression: bool = False
+    zero: bool = False
     skip_bad_cells: bool = False
     specimen: str = ""
     material: str = ""
