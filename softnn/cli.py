@@ -63,6 +63,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `softnn read ... | head`
         sys.stderr.close()
         return 0
+    except OSError as error:  # a disk that is full or gone, rights that are missing
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"softnn: {where}{error.strerror or error}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("softnn: stopped; files that are written are whole", file=sys.stderr)
         return 130
@@ -105,7 +109,7 @@ def _add_read(commands: argparse._SubParsersAction) -> None:
 
 
 def _run_read(arguments: argparse.Namespace) -> int:
-    from softnn.plausible import check_plausible
+    from softnn.plausible import accidents, check_plausible
     from softnn.readers import read
     from softnn.readers.folder import files_of
     from softnn.readers.lacking import NoRecording
@@ -135,7 +139,7 @@ def _run_read(arguments: argparse.Namespace) -> int:
         for recording in recordings:
             told.append(describe(recording))
             try:
-                odd = check_plausible(recording)
+                odd = check_plausible(recording) + accidents(recording)[1]
             except InputError as error:
                 odd = [str(error)]
             told += [f"  odd:  {_printable(line)}" for line in odd]

@@ -235,7 +235,7 @@ def _against(strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
         tell(
             f"{y.name} falls as {x.name} grows (correlation {together:.2g}); one of "
             "them has its sign reversed: tension is positive, compression negative, in "
-            "both",
+            "both. Turn it with --flip strain or --flip stress",
             x.column,
         )
 
@@ -270,12 +270,13 @@ def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
     if top > LARGE:
         notes.append(
             f"strain reaches {top:.3g}, that is {100 * top:.4g} %; if it is in per "
-            "cent, divide it by 100"
+            "cent, divide it by 100 (--unit strain=%)"
         )
     elif top > 1 and loaded_straight(strain, stress):
         notes.append(
             f"stress grows in a straight line up to a strain of {top:.3g}, which "
-            "rubber does not; if strain is in per cent, divide it by 100"
+            "rubber does not; if strain is in per cent, divide it by 100 (--unit "
+            "strain=%)"
         )
     stiffness = float(np.ptp(stress) / np.ptp(strain))
     if stiffness > STIFF_MPa:

@@ -17,15 +17,22 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 
 EVERY_S = 0.1  # between two calls of a listener
+SURE = 0.03  # of a stage, before which nothing is said of the time left
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run is: its stage, steps made in that stage, seconds since it began."""
+    """Where a run is: its stage, steps made in that stage, seconds since it began.
+
+    `share` of the stage is done, from 0 to 1, by the steps that it usually takes; 0
+    where nobody knows. `left_s` seconds are left of it, or None.
+    """
 
     stage: str  # "reading", "diagnosing" or "writing"
     steps: int
     seconds: float
+    share: float = 0.0
+    left_s: float | None = None
 
 
 Listener = Callable[[Progress], None]
@@ -37,11 +44,17 @@ class _Told:
     def __init__(self, listener: Listener) -> None:
         self.listener = listener
         self.began = self.last = time.monotonic()
-        self.stage, self.steps = "", 0
+        self.changed = self.began
+        self.stage, self.steps, self.usual = "", 0, 0.0
 
     def tell(self, now: float) -> None:
         self.last = now
-        self.listener(Progress(self.stage, self.steps, now - self.began))
+        share, left = 0.0, None
+        if self.usual:
+            share = _share(self.steps / self.usual)
+            if share > SURE:
+                left = (now - self.changed) * (1 - share) / share
+        self.listener(Progress(self.stage, self.steps, now - self.began, share, left))
 
 
 _TOLD: ContextVar[_Told | None] = ContextVar("told", default=None)
@@ -68,12 +81,22 @@ def heard(listener: Listener | None) -> Iterator[None]:
         _TOLD.reset(token)
 
 
-def stage(name: str) -> None:
-    """A part of the run begins."""
+def _share(steps: float) -> float:
+    """The share done after so many of the usual steps; it slows down beyond them.
+
+    >>> [round(_share(s), 2) for s in (0, 0.5, 1, 2)]
+    [0.0, 0.5, 0.89, 0.99]
+    """
+    return float(steps / (1 + steps**6) ** (1 / 6)) if steps else 0.0
+
+
+def stage(name: str, usual: float = 0.0) -> None:
+    """A part of the run begins, which usually takes so many steps."""
     told = _TOLD.get()
     if told is not None:
-        told.stage, told.steps = name, 0
-        told.tell(time.monotonic())
+        told.stage, told.steps, told.usual = name, 0, usual
+        told.changed = time.monotonic()
+        told.tell(told.changed)
 
 
 def step() -> None:
@@ -97,8 +120,8 @@ class Shown:
     def __init__(self, label: str, quiet: bool = False) -> None:
         self.label, self.quiet = label, quiet
         self.live = not quiet and sys.stderr.isatty()
-        self.stage, self.steps, self.last = "", 0, 0.0
-        self.began = self.changed = time.monotonic()
+        self.now = Progress("", 0, 0.0)
+        self.began = self.heard = time.monotonic()
         self.over = threading.Event()
         self.lock = threading.Lock()
 
@@ -115,9 +138,7 @@ class Shown:
             self.clear()
 
     def __call__(self, now: Progress) -> None:
-        if now.stage != self.stage:
-            self.changed = time.monotonic()
-        self.stage, self.steps = now.stage, now.steps
+        self.now, self.heard = now, time.monotonic()
 
     def say(self, line: str) -> None:
         """A line of its own, above the one that moves."""
@@ -145,32 +166,21 @@ class Shown:
 
     def line(self) -> str:
         """What runs, how far it is, since when, and about how long it will take."""
-        now = time.monotonic()
-        told = _SAID.get(self.stage, "starting")
-        passed = spelt(now - self.began)
-        if self.stage != "diagnosing":
-            return f"{self.label}: {told}, {passed}"
-        share = done(self.steps)
-        full = round(20 * share)
+        now, seconds = self.now, time.monotonic() - self.began
+        told = f"{self.label}: {_SAID.get(now.stage, 'starting')}"
+        if not now.share:
+            return f"{told}, {spelt(seconds)}"
+        full = round(20 * now.share)
         bar = "#" * full + "-" * (20 - full)
         left = ""
-        if share > 0.02:
-            left = f", about {spelt((now - self.changed) * (1 - share) / share)} left"
-        return f"{self.label}: {told} [{bar}] {self.steps} steps, {passed}{left}"
+        if now.left_s is not None:
+            rest = now.left_s - (time.monotonic() - self.heard)
+            left = f", about {spelt(rest)} left" if rest > 1 else ", nearly done"
+        return f"{told} [{bar}] {spelt(seconds)}{left}"
 
 
 _SAID = {"reading": "reading", "diagnosing": "comparing models", "writing": "writing"}
 BEAT_S, SIGN_S = 0.5, 10.0  # between two signs of life, on a terminal and elsewhere
-USUAL = 1000  # steps of a diagnosis
-
-
-def done(steps: int) -> float:
-    """About which share of a diagnosis so many steps are: half after the usual ones.
-
-    How many there are is known only at the end; so the bar slows down and never claims
-    to be full.
-    """
-    return steps / (steps + USUAL)
 
 
 def spelt(seconds: float) -> str:

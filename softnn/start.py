@@ -45,7 +45,23 @@ def stale(moved: Array, load: Array) -> int:
         for (mine, far), (other, _) in (jumps, jumps[::-1]):
             if far and other < ALONE * mine:
                 found = k
+        if all(far for _, far in jumps) and _to_rest(moved, load, k):
+            found = k
     return found
+
+
+def _to_rest(moved: Array, load: Array, k: int) -> bool:
+    """Whether both channels jump to rest at row k, and the test only then begins.
+
+    A step of a test leads away from rest; one back to rest has nothing after it.
+    """
+    for values in (moved, load):
+        span = float(np.nanmax(np.abs(values[k:])))
+        jump = abs(values[k - 1])
+        if abs(values[k]) > REST * max(span, jump) or span < ALONE * jump:
+            if not (values is load and abs(values[k]) <= REST * max(span, jump)):
+                return False
+    return True
 
 
 def start(values: Array) -> float:

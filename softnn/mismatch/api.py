@@ -101,7 +101,8 @@ def plausible(case: Case, as_is: bool = False) -> Case:
     Copies are left out, and so is the stress after a specimen has torn.
     """
     for recording in case.recordings:
-        check_sizes(recording, recording.name or None)  # before anything is noted
+        # before anything is noted
+        check_sizes(recording, recording.source or recording.name or None)
     if as_is:
         return case
     case = _once(case)

@@ -164,14 +164,14 @@ def _diagnosed(job: Job) -> Outcome:
     if job.resume and mark.is_file() and mark.read_text() == asked:
         told = json.loads((job.out / "diagnosis.json").read_text("utf-8"))
         return Outcome(f"done before: {told['summary']}", told)
-    for before in (mark, job.out / FAILED):
-        before.unlink(missing_ok=True)
+    (job.out / FAILED).unlink(missing_ok=True)
     found = diagnose(case, None if job.model is None else base(job.model), job.seed)
     found.result["provenance"] = {
         "softnn": __version__,
         "seed": job.seed,
         "command": shlex.join(job.command),
     }
+    mark.unlink(missing_ok=True)
     found.save(job.out)
     mark.write_text(asked)
     return Outcome(found.summary, found.result)
@@ -207,9 +207,11 @@ def writable(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         trial = folder / f".{os.getpid()}"
-        trial.touch()
+        trial.write_bytes(bytes(4096))  # what a full disk does not take
         trial.unlink()
     except OSError as error:
+        with suppress(OSError, UnboundLocalError):
+            trial.unlink(missing_ok=True)
         raise InputError(
             f"cannot be written to ({error.strerror}); choose another --out",
             file=folder,

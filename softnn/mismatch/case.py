@@ -213,9 +213,9 @@ def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
     if known and strain > LARGEST_STRAIN:
         raise InputError(
             f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; is it in per "
-            "cent? It must be a plain number: divide by 100",
+            "cent? It must be a plain number: divide by 100, or say --unit strain=%",
             file=file,
-            row=int(np.nanargmax(np.abs(recording.strain))) + 2,
+            row=_row(recording, recording.strain),
             column="strain",
         )
     stress = np.nanmax(np.abs(recording.stress_MPa))
@@ -223,7 +223,7 @@ def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
         raise InputError(
             f"stress reaches {stress:.4g} MPa; is it in Pa or kPa? It must be in MPa",
             file=file,
-            row=int(np.nanargmax(np.abs(recording.stress_MPa))) + 2,
+            row=_row(recording, recording.stress_MPa),
             column="stress_MPa",
         )
     span = float(recording.time_s[-1] - recording.time_s[0])
@@ -241,6 +241,13 @@ def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
             file=file,
             column="strain",
         )
+
+
+def _row(recording: Recording, values: Array) -> int | None:
+    """The row of the largest value in a tidy CSV; of other files nobody knows it."""
+    read = next((s.arguments for s in recording.log if s.name == "read"), {})
+    tidy = read.get("dialect", "tidy CSV") == "tidy CSV" and not read.get("notes")
+    return int(np.nanargmax(np.abs(values))) + 2 if tidy else None
 
 
 def in_order(case: Case) -> Case:

@@ -87,7 +87,7 @@ def add_simulate(commands: Any) -> None:
         "simulate",
         help="stress of a model.json over the strain of recordings",
         description="Write time_s, strain, simulated_MPa (and stress_MPa where the "
-        "recording has it) for each recording, and print the error. The stress is never "
+        "recording has it) for each recording, and print the error. The stress is not "
         "used. Takes every file that diagnose takes, and CSV without stress. A network "
         "gets a column outside: 1 strain, 2 rate, 4 direction never shown to it, added "
         "up.",

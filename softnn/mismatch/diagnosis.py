@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
 
 
+STEPS = 900  # of fits in a diagnosis of one recording, as measured; roughly
+
+
 @dataclass(repr=False)
 class Diagnosis:
     """What was left out, how sure that is, and the corrected model.
@@ -151,7 +154,7 @@ def _diagnose(
     case: Case, model: str | Stored | StoredNetwork | None, seed: int
 ) -> Diagnosis:
     clock = time.perf_counter()
-    progress.stage("diagnosing")
+    progress.stage("diagnosing", STEPS * len(case.recordings) ** 0.5)
     check_case(case)
     case = in_order(case)
     if seed < 0:

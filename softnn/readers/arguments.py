@@ -53,6 +53,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--compression", action="store_true", help="the file counts compression > 0"
     )
     group.add_argument(
+        "--flip",
+        default="",
+        choices=["strain", "stress"],
+        help="the one whose sign the file has reversed",
+    )
+    group.add_argument(
         "--zero", action="store_true", help="strain counts from where the file starts"
     )
     group.add_argument(
@@ -106,6 +112,7 @@ def as_arguments(text: str) -> str:
     text = re.sub(rf"--unit {word}(?:,? --unit {word})*", gathered, text)
     text = re.sub(rf"--skip {word}(?: --skip {word})*", gathered, text)
     text = text.replace("--unit", "units={COLUMN: UNIT}")
+    text = re.sub(r"--flip (\w+)", r"flip='\1'", text)
     return re.sub(r"--([a-z]+(?:-[a-z]+)*)( [A-Z][A-Z0-9_]*\b)?", option, text)
 
 

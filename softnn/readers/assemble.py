@@ -54,10 +54,13 @@ class _Assembly(Chosen):
             raise InputError("no rows; at least two samples are needed")
         if table.bad:
             self.left_out(table.bad)
+        if self.lacks() > 1:
+            raise NoRecording(f"no columns of a test; it has {self.have()}")
         force, stress, strain, elongation, time = self.channels()
         self.check_short()
         old = self.stale(strain, stress)
-        self.check_time(time)
+        timed = self.timed(time)
+        self.check_time(time[timed])
         self.check_size(strain, MAX_STRAIN, "strain", "--length")
         self.check_size(stress, MAX_STRESS, "stress [MPa]", "--area")
         self.note_jumps(strain, "strain")
@@ -74,7 +77,7 @@ class _Assembly(Chosen):
             arguments["sheet"] = table.sheet
         specimen = options.specimen or table.label or self.header.specimen
         channels = {
-            "time_s": time - time[old] if old else time,
+            "time_s": time - np.nanmin(time[old:]) if old else time,
             "strain": strain,
             "stress_MPa": stress,
             "temperature_C": self.optional("temperature"),
@@ -84,7 +87,7 @@ class _Assembly(Chosen):
         }
         kept: dict[str, Any] = {k: v for k, v in channels.items() if v is not None}
         return Recording(
-            **{k: v[old:] for k, v in kept.items()},
+            **{k: v[timed][old:] for k, v in kept.items()},
             name=table.file.name.split(".")[0],
             specimen=specimen,
             material=options.material or self.header.material,
@@ -94,6 +97,28 @@ class _Assembly(Chosen):
             source=str(table.file),
             log=(Step("read", arguments),),
         )
+
+    def lacks(self) -> int:
+        """How many of time, load and travel have no column, named or not."""
+        options = self.options
+        timed = options.interval_s is not None or options.rate_per_s is not None
+        return (
+            2
+            - sum(
+                any(self.candidates(role) for role in roles)
+                for roles in (("force", "stress"), ("displacement", "strain"))
+            )
+            + (not timed and not self.candidates("time"))
+        )
+
+    def timed(self, time: Array) -> Array:
+        """Rows (n,) to keep: those with a time, where others may be left out."""
+        good = np.isfinite(time)
+        few = (~good).sum() <= max(FEW, MANY * len(time))
+        if not good.all() and self.options.skip_bad_cells and few:
+            self.notes.append(f"{(~good).sum()} rows without a time left out")
+            return good
+        return np.ones(len(time), bool)
 
     def simulated(self) -> Array | None:
         """The stress of a simulation that stands beside the measured one."""
@@ -254,7 +279,8 @@ class _Assembly(Chosen):
             return moved - start(moved)
         if load is None or any(n.startswith("zero of") for n in self.notes):
             return moved
-        first, share = beginning(moved, load)
+        old = stale(moved, load)
+        first, share = beginning(moved[old:], load[old:])
         unit = " mm" if role == "displacement" else ""
         if role == "displacement" and share > OFFSET:
             self.notes.append(
@@ -341,10 +367,7 @@ class _Assembly(Chosen):
                 raise InputError("strain has gaps, so --rate gives no time")
             self.used["time"] = f"strain at {options.rate_per_s:g} 1/s (--rate)"
             return np.asarray(np.cumsum(steps) / options.rate_per_s, dtype=float)
-        raise InputError(
-            f"no column of time; it has {self.have()}. Name one with --time, or give "
-            "--interval SECONDS between samples, or --rate STRAIN_PER_SECOND"
-        )
+        raise Lacking(["time"], have=self.have())
 
     def rate(self) -> float | None:
         if self.options.rate_per_s is not None:
@@ -359,7 +382,11 @@ class _Assembly(Chosen):
     def check_time(self, time: Array) -> None:
         """Name the row of the file, which a Recording no longer knows."""
         for bad, what in (
-            (np.isnan(time), "no time; every row needs one"),
+            (
+                np.isnan(time),
+                "no time; every row needs one. Leave such rows out with "
+                "--skip-bad-cells, if they are few",
+            ),
             (
                 np.diff(time, prepend=time[:1]) < 0,
                 "time goes backwards; sort the rows, split the file where a new test "

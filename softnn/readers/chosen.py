@@ -240,8 +240,14 @@ class Chosen:
         return sign * values
 
     def flipped(self, column: Column, role: str) -> bool:
+        """Whether the values change sign; the user may turn one axis by itself."""
         if role == "time":
             return False
+        axis = "strain" if role in ("strain", "displacement") else "stress"
+        return self.compressive(column, role) != (axis in self.options.flip)
+
+    def compressive(self, column: Column, role: str) -> bool:
+        """Whether compression counts as positive in a column."""
         if role == "displacement" and HEIGHT.search(column.plain):
             return False  # a gap that closes is compression, whatever the file counts
         return (
@@ -269,7 +275,13 @@ class Chosen:
     def height(self, values: Array, column: Column) -> Array:
         """A gap between plates: its change is the elongation, its start the length."""
         first = start(values)
-        if first > 0 and self.geometry.length_mm is None:
+        length = self.geometry.length_mm
+        if length is not None and not 0.9 < first / length < 1.1:
+            self.notes.append(
+                f"{column.name!r} starts at {first:.4g} mm, and the length is said to "
+                f"be {length:.4g} mm"
+            )
+        if first > 0 and length is None:
             self.geometry = replace(self.geometry, length_mm=first)
             self.notes.append(f"length is the first {column.name!r}, {first:.6g} mm")
         return values - first

@@ -195,6 +195,7 @@ def _refuse(
         whole.sizes,
         whole.units,
         unknown=whole.unknown,
+        have=whole.have,
         said=f"{len(lacking)} of {count} files lack facts: {names}{each}. {whole}",
         file=folder,
     )

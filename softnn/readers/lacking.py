@@ -20,6 +20,13 @@ USUAL = {
 SECTION = "--area MM2, or --width MM and --thickness MM, or --diameter MM"
 
 
+ASKED = {
+    "area": ("--area", "MM2"),
+    "length": ("--length", "MM"),
+    "time": ("--interval", "SECONDS"),
+}
+
+
 class NoRecording(InputError):
     """A file that holds no test: a note, a lock file, a table of results."""
 
@@ -27,8 +34,8 @@ class NoRecording(InputError):
 class Lacking(InputError):
     """A recording that does not say all that stress and strain are made of.
 
-    `sizes`: "area" or "length" of the specimen; `units`: role of each column without
-    a known unit, by its name.
+    `sizes`: "area" or "length" of the specimen, or "time"; `units`: role of each
+    column without a known unit, by its name; `have`: the columns that are there.
     """
 
     def __init__(
@@ -37,10 +44,12 @@ class Lacking(InputError):
         units: Mapping[str, str] | None = None,
         *,
         unknown: Mapping[str, str] | None = None,
+        have: str = "",
         said: str = "",
         file: str | Path | None = None,
     ) -> None:
-        self.sizes = tuple(dict.fromkeys(s for s in ("area", "length") if s in sizes))
+        self.sizes = tuple(s for s in ("area", "length", "time") if s in sizes)
+        self.have = have
         self.units, self.unknown = dict(units or {}), dict(unknown or {})
         super().__init__(said or self._said(), file=file)
 
@@ -65,6 +74,11 @@ class Lacking(InputError):
                 "no length of the specimen in it, so displacement gives no strain; "
                 "give --length MM"
             )
+        if "time" in self.sizes:
+            parts.append(
+                f"no column of time; it has {self.have}. Name one with --time, or give "
+                "--interval SECONDS between samples, or --rate STRAIN_PER_SECOND"
+            )
         return ". ".join(parts)
 
     @property
@@ -75,8 +89,7 @@ class Lacking(InputError):
             for column, role in self.units.items()
             for word in ("--unit", f"{column}={USUAL[role]}")
         ]
-        sizes = [w for s in self.sizes for w in (f"--{s}", "MM2" if s == "area" else
-                                                 "MM")]  # fmt: skip
+        sizes = [word for s in self.sizes for word in ASKED[s]]
         return [*units, *sizes]
 
     def and_also(self, other: Lacking) -> Lacking:
@@ -85,6 +98,7 @@ class Lacking(InputError):
             (*self.sizes, *other.sizes),
             self.units | other.units,
             unknown=self.unknown | other.unknown,
+            have=self.have or other.have,
         )
 
 
@@ -94,7 +108,12 @@ def placed(error: InputError, file: str | Path) -> InputError:
         return error
     if isinstance(error, Lacking):
         return Lacking(
-            error.sizes, error.units, unknown=error.unknown, said=str(error), file=file
+            error.sizes,
+            error.units,
+            unknown=error.unknown,
+            have=error.have,
+            said=str(error),
+            file=file,
         )
     kind = NoRecording if isinstance(error, NoRecording) else InputError
     return kind(str(error), file=file)

@@ -187,6 +187,14 @@ def table(path: Path) -> pd.DataFrame:
         frame = pd.read_csv(io.StringIO(text), skip_blank_lines=False)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
         raise _unreadable(path, text, error) from None
+    if not isinstance(frame.index, pd.RangeIndex):  # more cells than names
+        count = len(frame.columns) + frame.index.nlevels
+        raise InputError(
+            f"{count} values under {len(frame.columns)} column names; with a decimal "
+            "comma, export it with another delimiter, such as a semicolon",
+            file=path,
+            row=2,
+        )
     frame.columns = [str(c).strip() for c in frame.columns]
     # Trailing blank lines are how some editors end a file, not samples.
     while len(frame) and frame.iloc[-1].isna().all():

@@ -50,6 +50,7 @@ def _changed(source: Source, options: ReadOptions) -> bool:
         or options.decimal == ","
         or options.compression
         or options.zero
+        or options.flip
         or options.skip_bad_cells
         or options.interval_s is not None
         or any(getattr(options, role) for role in roles)
