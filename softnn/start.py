@@ -45,41 +45,26 @@ def stale(moved: Array, load: Array) -> int:
         for (mine, far), (other, _) in (jumps, jumps[::-1]):
             if far and other < ALONE * mine:
                 found = k
-        if all(far for _, far in jumps) and _to_rest(moved, load, k):
+        # A step of a test leads away from rest; one back to rest has nothing after it.
+        later = float(np.nanmax(np.abs(load[k:])))
+        rests = abs(load[k]) <= REST * later and later >= REST * abs(load[k - 1])
+        if all(far for _, far in jumps) and rests:
             found = k
     return found
 
 
-def _to_rest(moved: Array, load: Array, k: int) -> bool:
-    """Whether both channels jump to rest at row k, and the test only then begins.
-
-    A step of a test leads away from rest; one back to rest has nothing after it.
-    """
-    for values in (moved, load):
-        span = float(np.nanmax(np.abs(values[k:])))
-        jump = abs(values[k - 1])
-        if abs(values[k]) > REST * max(span, jump) or span < ALONE * jump:
-            if not (values is load and abs(values[k]) <= REST * max(span, jump)):
-                return False
-    return True
-
-
 def start(values: Array) -> float:
-    """Where a channel starts: the median of its first rows that are alike.
+    """Where a channel starts: the median of its first rows, as long as it rests.
 
-    >>> start(np.array([0.113, 0.018, 0.021, 0.021, 0.022, 0.3, 0.6]))
-    0.021
+    >>> start(np.array([0.018, 0.021, 0.021, 0.022, 1.3, 2.6])), start(np.arange(9.0))
+    (0.021, 0.0)
     """
     good = values[np.isfinite(values)]
     if not len(good):
         return 0.0
-    span = float(np.ptp(good))
-    first = good[:6]
-    middle = float(np.median(first[:5]))
-    near = first[np.abs(first - middle) <= SMALL * span]
-    if len(near) < 3:  # it moves from the first row on
-        return float(first[0])
-    return float(np.median(near))
+    near = np.abs(good[:6] - good[0]) <= SMALL * float(np.ptp(good))
+    resting = len(near) if near.all() else int(np.argmin(near))
+    return float(np.median(good[:resting]))
 
 
 def unloaded(load: Array) -> bool:

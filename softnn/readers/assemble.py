@@ -58,7 +58,13 @@ class _Assembly(Chosen):
             raise NoRecording(f"no columns of a test; it has {self.have()}")
         force, stress, strain, elongation, time = self.channels()
         self.check_short()
-        old = self.stale(strain, stress)
+        old = self.first
+        if old:
+            self.note_stale()
+        elif count := stale(strain, stress):
+            # Zeros and lengths are those of the first row that counts.
+            one = _Assembly(table, self.rules, options, self.decimal, count)
+            return one.recording()
         timed = self.timed(time)
         self.check_time(time[timed])
         self.check_size(strain, MAX_STRAIN, "strain", "--length")
@@ -259,28 +265,24 @@ class _Assembly(Chosen):
         slack = 3 * (high - low) + 0.01 * (np.nanmax(values) - np.nanmin(values))
         return bool(low - slack <= values[k] <= high + slack)
 
-    def stale(self, strain: Array, stress: Array) -> int:
-        """How many first rows are left out, and a note on them."""
-        count = stale(strain, stress)
-        if count:
-            first, last = self.table.lines[0], self.table.lines[count - 1]
-            rows = f"row {first}" if count == 1 else f"rows {first} to {last}"
-            self.notes.append(
-                f"{rows} left out: one channel jumps there while the other rests, as "
-                "where a machine writes what was left from before"
-            )
-        return count
+    def note_stale(self) -> None:
+        """A note on the first rows, which are left out."""
+        first, last = self.table.lines[0], self.table.lines[self.first - 1]
+        rows = f"row {first}" if self.first == 1 else f"rows {first} to {last}"
+        self.notes.append(
+            f"{rows} left out: a channel jumps there alone, or from a load to none, as "
+            "where a machine writes what was left from before"
+        )
 
     def zeroed(self, moved: Array, load: Array | None, role: str) -> Array:
         """Travel from where the recording starts, if that cannot be the specimen's."""
         name = self.used.get(role, role)
         if self.options.zero:
             self.notes.append(f"{name!r} counts from where it starts (--zero)")
-            return moved - start(moved)
+            return moved - start(moved[self.first :])
         if load is None or any(n.startswith("zero of") for n in self.notes):
             return moved
-        old = stale(moved, load)
-        first, share = beginning(moved[old:], load[old:])
+        first, share = beginning(moved[self.first :], load[self.first :])
         unit = " mm" if role == "displacement" else ""
         if role == "displacement" and share > OFFSET:
             self.notes.append(

@@ -38,8 +38,14 @@ class Chosen:
     """Columns of one table by what they are; what was used collects as it goes."""
 
     def __init__(
-        self, table: Table, rules: Rules, options: ReadOptions, decimal: str
+        self,
+        table: Table,
+        rules: Rules,
+        options: ReadOptions,
+        decimal: str,
+        first: int = 0,
     ) -> None:
+        self.first = first  # row at which the recording starts
         self.table, self.rules, self.options = table, rules, options
         self.decimal = decimal
         self.used: dict[str, str] = {}
@@ -235,7 +241,7 @@ class Chosen:
                 values = self.height(values, column)
             elif np.isfinite(values).any():
                 self.notes.append(f"zero of {column.name!r} set to its first value")
-                values = values - start(values)
+                values = values - start(values[self.first :])
         sign = -1.0 if role != "temperature" and self.flipped(column, role) else 1.0
         return sign * values
 
@@ -274,7 +280,7 @@ class Chosen:
 
     def height(self, values: Array, column: Column) -> Array:
         """A gap between plates: its change is the elongation, its start the length."""
-        first = start(values)
+        first = start(values[self.first :])
         length = self.geometry.length_mm
         if length is not None and not 0.9 < first / length < 1.1:
             self.notes.append(

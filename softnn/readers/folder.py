@@ -94,12 +94,12 @@ def read_files(
     sizes = {} if folder is None else specimens(folder)
     found, lacking, wrong = Found(), dict[str, Lacking](), dict[str, InputError]()
     used: set[str] = set()
-    first: dict[bytes, str] = {}  # file of each content
+    copies = _copies(files)
     for file in files:
         shown = _shown(file, folder)
-        before = first.setdefault(_content(file), shown)
-        if before != shown and shown not in sizes:
-            found.notes.append(f"{shown}: a copy of {before}, left out")
+        if file in copies and shown not in sizes:
+            original = _shown(copies[file], folder)
+            found.notes.append(f"{shown}: a copy of {original}, left out")
             continue
         row = sizes.get(shown) or sizes.get(file.name) or {}
         used |= {shown, file.name} & set(sizes)
@@ -131,6 +131,18 @@ def read_files(
     _uncopied(found)
     _named(found)
     return found
+
+
+def _copies(files: Sequence[Path]) -> dict[Path, Path]:
+    """The file that each copy, byte by byte, is one of: that of the shortest name."""
+    by: dict[bytes, list[Path]] = {}
+    for file in files:
+        by.setdefault(_content(file), []).append(file)
+    out = {}
+    for alike in by.values():
+        original = min(alike, key=lambda f: (len(f.name), str(f)))
+        out |= {f: original for f in alike if f != original}
+    return out
 
 
 def _content(file: Path) -> bytes:
@@ -373,7 +385,7 @@ def write_template(
     path = folder / "specimens.csv"
     before = specimens(folder)
     rows = [{"file": n, **{k: v for k, v in r.items() if v}} for n, r in before.items()]
-    seen: set[bytes] = set()
+    copies = _copies(files)
     for file in files:
         name = file.relative_to(folder).as_posix()
         specimen = ""
@@ -383,10 +395,8 @@ def write_template(
             continue
         except InputError:  # it lacks its sizes, as a rule
             pass
-        content = _content(file)
-        if name not in before and content not in seen:
+        if name not in before and file not in copies:
             rows.append({"file": name, "specimen": specimen})
-        seen.add(content)
     out = io.StringIO(newline="")
     writer = csv.DictWriter(out, TABLE, restval="", lineterminator="\n")
     writer.writeheader()

@@ -232,6 +232,13 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
         tables += _side_by_side(table, title)
         head = []
         i = block.end
+    if tables and head:
+        text = " ".join(map(str, _filled(grid[head[0]])))[:40]
+        note = (
+            f"{len(head)} lines after the data, from row {head[0] + 1} on ({text!r}), "
+            "are left out"
+        )
+        tables[-1] = replace(tables[-1], notes=(*tables[-1].notes, note))
     return tables
 
 
