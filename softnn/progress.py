@@ -62,7 +62,7 @@ _TOLD: ContextVar[_Told | None] = ContextVar("told", default=None)
 
 @contextmanager
 def heard(listener: Listener | None) -> Iterator[None]:
-    """Tell `listener` of what is computed inside; nothing changes where it is None.
+    """Tell `listener` of computations inside; None listens to nothing.
 
     The listener is called in the same thread, at most every 0.1 s and at each new
     stage. An exception that it raises ends the run: so a run is cancelled.
@@ -112,7 +112,7 @@ def step() -> None:
 class Shown:
     """A line on the terminal that says what runs, for how long, and how far it is.
 
-    A thread writes it anew twice a second, so that it moves where a step takes long.
+    A thread writes it anew twice a second: it moves even where a step takes long.
     Without a terminal it is a line of its own every ten seconds. Nothing is written
     where `quiet`.
     """

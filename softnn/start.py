@@ -46,8 +46,8 @@ def stale(moved: Array, load: Array) -> int:
             if far and other < ALONE * mine:
                 found = k
         # A step of a test leads away from rest; one back to rest has nothing after it.
-        later = float(np.nanmax(np.abs(load[k:])))
-        rests = abs(load[k]) <= REST * later and later >= REST * abs(load[k - 1])
+        most = float(np.nanmax(np.abs(load[k:])))
+        rests = abs(load[k]) <= REST * most and most >= REST * abs(load[k - 1])
         if all(far for _, far in jumps) and rests:
             found = k
     return found

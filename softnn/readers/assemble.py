@@ -24,7 +24,7 @@ from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.table import Table, find_tables, has_role
 from softnn.readers.units import parse_unit
-from softnn.readers.vocabulary import DIMENSION, TRUE, plain, rank
+from softnn.readers.vocabulary import DIMENSION, REMARK, TRUE, plain, rank
 from softnn.recording import Recording, Step
 from softnn.start import ODD, OFFSET, beginning, stale, start
 
@@ -237,20 +237,26 @@ class _Assembly(Chosen):
         have to go on from the rows around.
         """
         table, width = self.table, len(self.table.columns)
-        if not table.short or len(table.short) > len(table.rows) / 2:
-            return  # a column without cells
-        others = np.setdiff1d(np.arange(len(table.rows)), table.short)
-        for k in table.short:
+        if not table.short:
+            return
+        shortest = min(count for _, count in table.short)
+        if all(REMARK.search(c.plain) for c in table.columns[shortest:]):
+            return  # a column for what an operator types now and then
+        many = len(table.short) > max(FEW, MANY * len(table.rows))
+        whole = np.arange(len(table.rows))
+        others = np.setdiff1d(whole, [k for k, _ in table.short])
+        for k, count in table.short:
             near = others[np.argsort(np.abs(others - k), kind="stable")[:6]]
-            if not all(self.goes_on(i, k, near) for i in self.cells):
-                count = len(table.rows[k])
+            if many or not all(
+                i < count and self.goes_on(i, k, near) for i in self.cells
+            ):
                 raise InputError(
                     f"{count} values under {width} column names, and it is open which "
                     "is missing; complete the row, or delete it",
                     file=table.where,
                     row=int(table.lines[k]),
                 )
-        first = int(table.lines[table.short[0]])
+        first = int(table.lines[table.short[0][0]])
         self.notes.append(
             f"{len(table.short)} rows lack their last cells, which are not needed; "
             f"the first is row {first}"
@@ -259,8 +265,10 @@ class _Assembly(Chosen):
     def goes_on(self, index: int, k: int, near: Array) -> bool:
         """Whether a cell of row k fits those of the rows `near`."""
         values = self.cells.get(index)
-        if values is None or index >= len(self.table.rows[k]) or not len(near):
-            return values is None
+        if values is None:
+            return True
+        if not len(near) or not np.isfinite(values[near]).any():
+            return False
         low, high = np.nanmin(values[near]), np.nanmax(values[near])
         slack = 3 * (high - low) + 0.01 * (np.nanmax(values) - np.nanmin(values))
         return bool(low - slack <= values[k] <= high + slack)
@@ -490,7 +498,8 @@ def _joined(tables: list[Table]) -> list[Table]:
             before,
             rows=before.rows + table.rows,
             lines=np.concatenate([before.lines, table.lines]),
-            short=before.short + tuple(len(before.rows) + k for k in table.short),
+            short=before.short
+            + tuple((len(before.rows) + k, count) for k, count in table.short),
             bad=before.bad + table.bad,
             notes=(*before.notes, *table.notes, note),
         )

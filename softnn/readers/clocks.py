@@ -54,7 +54,7 @@ def _parts(text: str) -> re.Match[str] | None:
 
 
 def clock(cells: Sequence[Cell], unit: str = "") -> tuple[Array, list[str]]:
-    """Seconds (n,) since the first cell, blank as NaN, and notes on what was done.
+    """Seconds (n,) since the first cell, blank as NaN, and notes.
 
     `unit` may say "mm:ss" or "hh:mm" where two fields leave it open. Raises
     `InputError` for a cell that is no such time, with its place in `row` from 0.

@@ -1,8 +1,8 @@
 """A folder as a lab has it -> recordings, and notes on all that was passed over.
 
 Subfolders are read too. A file that holds no test (notes, lock files, pictures, tables
-of results) and a copy of a recording already read are passed over and named. What is a
-recording and cannot be read is an error, and all such errors are said at once.
+of results) and a copy of a recording already read are passed over and named. A
+recording that cannot be read is an error; all such errors are said at once.
 
 Sizes of single specimens come from `specimens.csv` in the folder: `file`, `specimen`,
 `length_mm`, `width_mm`, `thickness_mm`, `area_mm2`, `diameter_mm`; a blank cell leaves
@@ -138,7 +138,7 @@ def _copies(files: Sequence[Path]) -> dict[Path, Path]:
     by: dict[bytes, list[Path]] = {}
     for file in files:
         by.setdefault(_content(file), []).append(file)
-    out = {}
+    out: dict[Path, Path] = {}
     for alike in by.values():
         original = min(alike, key=lambda f: (len(f.name), str(f)))
         out |= {f: original for f in alike if f != original}
@@ -157,7 +157,7 @@ def _shown(file: Path, folder: Path | None) -> str:
 
 
 def _reason(error: InputError) -> str:
-    """The message without the place and without the advice to mend what is no test."""
+    """The message without the file and without advice to mend it."""
     text = str(error)
     if error.file is not None:
         text = text.removeprefix(str(error.file)).lstrip(":, ")
@@ -230,7 +230,7 @@ def _none(notes: Sequence[str]) -> str:
 
 
 def copy_of(one: Recording, others: Sequence[Recording]) -> Recording | None:
-    """The first of the others that holds the same samples, whatever it is called."""
+    """The first of the others that holds the same samples under any name."""
     for other in others:
         if len(one) != len(other) or not one.axes.like(other.axes):
             continue
@@ -384,7 +384,10 @@ def write_template(
     """
     path = folder / "specimens.csv"
     before = specimens(folder)
-    rows = [{"file": n, **{k: v for k, v in r.items() if v}} for n, r in before.items()]
+    rows = [
+        {"file": n} | {k: v if k == "specimen" else f"{v:g}" for k, v in r.items() if v}
+        for n, r in before.items()
+    ]
     copies = _copies(files)
     for file in files:
         name = file.relative_to(folder).as_posix()

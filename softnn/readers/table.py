@@ -22,8 +22,9 @@ from softnn.readers.vocabulary import plain, rank
 class Table:
     """One block of numbers. `lines[i]` is the file's line of row i, from 1.
 
-    `bad` says of lines that fit no column why, `short` which rows lack cells at their
-    end: whether that matters is known once the columns are chosen.
+    `bad` says of lines that fit no column why; `short` holds rows that lack cells at
+    their end, with how many they have: whether that matters is known once the columns
+    are chosen.
     """
 
     file: Path
@@ -35,7 +36,7 @@ class Table:
     sheet: str = ""
     notes: tuple[str, ...] = ()
     bad: tuple[tuple[int, str], ...] = ()
-    short: tuple[int, ...] = ()
+    short: tuple[tuple[int, int], ...] = ()
 
     @property
     def nameless(self) -> bool:
@@ -286,7 +287,7 @@ class _Block:
     lines: list[int] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     bad: list[tuple[int, str]] = field(default_factory=list)
-    short: list[int] = field(default_factory=list)
+    short: list[tuple[int, int]] = field(default_factory=list)
 
 
 def _block(grid: Grid, start: int, names: list[Cell], ragged: bool) -> _Block:
@@ -341,7 +342,7 @@ def _block(grid: Grid, start: int, names: list[Cell], ragged: bool) -> _Block:
     _check_widths(block, names, ragged)
     if i == len(grid) and len(rows) > 1 and _cut_off(rows):
         block.rows, block.lines = rows[:-1], lines[:-1]
-        block.short = [k for k in block.short if k < len(block.rows)]
+        block.short = [s for s in block.short if s[0] < len(block.rows)]
         block.notes.append(f"row {i}, the last, may be cut off and is left out")
     return block
 
@@ -382,7 +383,7 @@ def _check_widths(block: _Block, names: list[Cell], ragged: bool) -> None:
             if k and k == len(block.rows) - 1 and len(row) < usual:
                 block.notes.append(f"row {line}, the last, is cut off and left out")
                 continue
-            short.append(len(rows))
+            short.append((len(rows), len(row)))
             rows.append(row)
             lines.append(line)
         else:
@@ -424,7 +425,12 @@ def _side_by_side(table: Table, title: Sequence[Cell]) -> list[Table]:
                 rows=[rows[k] for k in keep],
                 lines=table.lines[keep],
                 label=label,
-                short=(),
+                short=tuple(
+                    (new, len(table.rows[k]) - left)
+                    for new, k in enumerate(keep)
+                    if left < len(table.rows[k]) < right
+                ),
+                bad=table.bad if left == 0 else (),
                 header=() if title and label else table.header,
             )
         )

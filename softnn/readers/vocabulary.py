@@ -113,6 +113,10 @@ ABSOLUTE = re.compile(
 )
 HEIGHT = re.compile(r"^(gap|size|height)\b|" + _HEIGHTS)
 STRETCH = re.compile(_STRETCH)
+REMARK = re.compile(
+    r"\b(comments?|remarks?|notes?|events?|markers?|status|kommentar|bemerkung\w*|"
+    r"commentaires?|comentarios?|commenti|message)\b"
+)
 STEP_CLOCK = re.compile(r"\b(step|segment) time\b")
 TRUE = re.compile(r"\b(true|wahre?|vraie?|verdadera?|reale?|hencky)\b|\u771f")
 COMPRESSIVE = re.compile(
