@@ -248,7 +248,8 @@ def _names_above(grid: Grid, head: list[int]) -> tuple[int | None, int | None]:
 
     Units may stand in several rows; the row with the most of them counts.
     """
-    left = [k for k in head if not _is_ruler(grid[k])]
+    # Only the last lines: a file without names would be gone through for every row.
+    left = [k for k in head[-12:] if not _is_ruler(grid[k])]
     if not left:
         return None, None
     below = left[-1]
