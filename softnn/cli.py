@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
+from typing import NoReturn
 
 import argcomplete
 import numpy as np
@@ -22,9 +23,16 @@ from softnn.readers.arguments import add_options, options_of
 from softnn.recording import Recording
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, as all others."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; 0 when all went well, 2 for input that cannot be used."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="softnn",
         description="Recordings of soft materials, and models of them.",
         epilog="To begin: softnn demo --out demo",
@@ -47,6 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 f"allowed: {', '.join(commands.choices)}"
             )
         arguments = parser.parse_args(words)
+        arguments.words = words
         return int(arguments.run(arguments))
     except InputError as error:
         print(f"softnn: {error}", file=sys.stderr)
@@ -54,6 +63,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `softnn read ... | head`
         sys.stderr.close()
         return 0
+    except OSError as error:  # a disk that is full or gone, rights that are missing
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"softnn: {where}{error.strerror or error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("softnn: stopped; files that are written are whole", file=sys.stderr)
+        return 130
 
 
 # -- rerun -----------------------------------------------------------------------------
@@ -86,38 +102,57 @@ def _add_read(commands: argparse._SubParsersAction) -> None:
         description="Show what a testing machine's files hold; --out writes tidy CSV.",
         epilog="Example: softnn read Specimen_1.csv --length 33 --area 18 --out tidy",
     )
-    parser.add_argument("files", nargs="+", metavar="FILE")
+    parser.add_argument("files", nargs="+", metavar="FILE|FOLDER")
     parser.add_argument("--out", metavar="DIR", help="write tidy CSV and a plot here")
     add_options(parser)
     parser.set_defaults(run=_run_read)
 
 
 def _run_read(arguments: argparse.Namespace) -> int:
+    from softnn.plausible import accidents, check_plausible
     from softnn.readers import read
+    from softnn.readers.folder import files_of
+    from softnn.readers.lacking import NoRecording
 
     options = options_of(arguments)
     out = Path(arguments.out) if arguments.out else None
     taken: set[str] = set()
     written: dict[str, Recording] = {}
     failures = 0
-    for file in arguments.files:
+    told: list[str] = []
+    files: list[tuple[Path, bool]] = []  # and whether it must be a recording
+    for given in map(Path, arguments.files):
+        if given.is_dir():
+            inner, notes = files_of(given)
+            files += [(file, False) for file in inner]
+            told += notes
+        else:
+            files.append((given, True))
+    for file, must in files:
         try:
             recordings = read(file, options)
         except InputError as error:  # the other files are still worth reading
+            if must or not isinstance(error, NoRecording):
+                failures += 1
             print(f"softnn: {error}", file=sys.stderr)
-            failures += 1
             continue
         for recording in recordings:
-            print(describe(recording))
+            told.append(describe(recording))
+            try:
+                odd = check_plausible(recording) + accidents(recording)[1]
+            except InputError as error:
+                odd = [str(error)]
+            told += [f"  odd:  {_printable(line)}" for line in odd]
             if out is not None:
                 path = write_tidy(recording, out, taken)
                 written[path.name] = recording
-                print(f"  written to  {path}")
-            print()
+                told.append(f"  written to  {path}")
+            told.append("")
     if out is not None and written:
         from softnn.readers.tidy import write_index
 
         write_index(out, written)  # specimens, and rates, are in no column of a file
+    print("\n".join(told))  # last: whoever reads on may close the pipe early
     return 2 if failures else 0
 
 
@@ -158,7 +193,7 @@ def describe(recording: Recording) -> str:
 
 def _printable(text: str) -> str:
     """Text of a file on a terminal: no control characters."""
-    return "".join(c if c.isprintable() else "?" for c in text)[:200]
+    return "".join(c if c.isprintable() else "?" for c in text)[:400]
 
 
 def text_plot(
@@ -200,7 +235,7 @@ def write_tidy(recording: Recording, folder: Path, taken: set[str]) -> Path:
     the folder. `taken` are names already written by this command, which are not
     used again.
     """
-    import pandas as pd
+    from softnn.readers.tidy import write_table
 
     stem = re.sub(r"[^A-Za-z0-9._-]+", "_", recording.name).strip("._-")[:100]
     stem = base = stem if stem not in ("", "index") else "recording"
@@ -210,17 +245,14 @@ def write_tidy(recording: Recording, folder: Path, taken: set[str]) -> Path:
         stem = f"{base}-{count}"
     taken.add(stem.casefold())
     path = folder / f"{stem}.csv"
+    write_table(path, recording.columns)
+    picture = path.with_suffix(".png")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if path.is_symlink():  # a link in the folder may lead out of it
-            raise InputError("is a link; remove it or name another --out", file=path)
-        frame = pd.DataFrame(recording.columns)
-        # 9 digits: below the noise of any machine, and rounding goes unseen
-        frame.to_csv(path, index=False, float_format="%.9g")
-        _draw(recording, path.with_suffix(".png"))
+        _draw(recording, picture)
     except OSError as error:
+        picture.unlink(missing_ok=True)
         reason = error.strerror or error
-        raise InputError(f"cannot be written: {reason}", file=path) from None
+        raise InputError(f"cannot be written: {reason}", file=picture) from None
     return path
 
 

@@ -30,7 +30,18 @@ def plain(value: Any) -> Any:
 
 def write(path: Path, value: Any) -> None:
     """Write the value, aside first and then renamed: a reader never sees half."""
-    text = json.dumps(plain(value), indent=1, allow_nan=False) + "\n"
+    write_text(path, json.dumps(plain(value), indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text so that the file is the old one or the new one, never half of it.
+
+    Raises `OSError` and leaves nothing behind, as on a full disk.
+    """
     aside = path.with_name(f".{path.name}.{os.getpid()}")
-    aside.write_text(text, encoding="utf-8")
-    aside.replace(path)
+    try:
+        aside.write_text(text, encoding="utf-8")
+        aside.replace(path)
+    except BaseException:
+        aside.unlink(missing_ok=True)
+        raise

@@ -1,9 +1,11 @@
 """Is this a recording of a soft material? Wrong units, signs and columns, noticed.
 
 Nothing here knows a model. What is measured: the stiffness (range of stress over range
-of strain) against that of soft materials, 1 kPa to 100 MPa; whether stress goes with
-strain or against it; which of the two was imposed, straight in time between corners;
-and whether a loop of loading and unloading takes work, as every passive material does.
+of strain) against that of soft materials and tissue, 1 kPa to 2 GPa; whether stress
+goes with strain or against it; which of the two was imposed, straight in time between
+corners; whether a loop of loading and unloading takes work, as every passive material
+does; whether the strain moves at all, and where it begins; and whether the specimen
+tears.
 """
 
 from __future__ import annotations
@@ -16,9 +18,13 @@ import numpy as np
 from softnn.axes import Axes
 from softnn.contracts import Array, InputError
 from softnn.recording import Recording
+from softnn.start import beginning
 
-SOFTEST_MPa, STIFFEST_MPa = 1e-3, 100.0
+SOFTEST_MPa, STIFFEST_MPa = 1e-3, 2000.0
 STIFF_MPa = 10.0  # few elastomers are stiffer, and a gel of 10 kPa is, in kPa
+# Beyond it tissue and plastics: tendon has 300 to 1800 MPa, strains by a tenth or two
+# before it tears, and bears some 150 MPa.
+TISSUE_MPa, STRETCHES, BEARS_MPa = 100.0, 0.3, 250.0
 STRAIGHT = 0.04  # of the peak stress, off a chord: at a strain of 1 rubber is 0.1 off
 LARGE = 7.0  # of strain: few elastomers reach it
 # Of strain, where it moves most: a tenth a second in ms, and in min.
@@ -28,7 +34,16 @@ GIVEN = -0.02  # of the work put in, that a loop gives back beyond it
 CLOSED = 0.2  # of the range of strain, between the ends of a loop
 STRAIGHTER = 0.3  # of the other's deviation from straight lines: was imposed
 STILL = 1e-9  # MPa, or another unit: what moves by less is noise of arithmetic
-FEWEST = 16  # samples, below which nothing is judged
+FEWEST = 16  # samples, below which no shape in time is judged
+FEW = 5  # samples, below which nothing is
+STANDS = 0.02  # of its size, by which a strain that stands may drift
+WHITE = 0.5  # von Neumann's ratio over 2: 1 of white noise, 0 of a smooth course
+GONE = 0.06  # of the peak, that a torn specimen may still show
+WHOLE = 0.3  # of it, that a specimen bore just before it tore
+SHARP = 0.1  # of the range of strain and of the time, within which it tears
+SNAPS, MOST = 0.01, 0.6  # the same of a tear from that share of the peak, at any strain
+BEGINS = 0.5  # of the range of strain: a start beyond it with no stress is an offset
+COUNTED = 5.0  # s between samples in whole numbers, as of a clock in ms
 ALIKE = 0.02  # of the range, within which two strain programmes are one
 APART = 0.05  # of the range of stress, by which specimens of one programme differ
 # Up to a stiffness in MPa: what is of that kind.
@@ -37,6 +52,7 @@ KINDS = (
     (0.3, "a very soft silicone or adhesive"),
     (10.0, "silicone or rubber"),
     (100.0, "hard rubber or polyurethane"),
+    (STIFFEST_MPa, "tendon, ligament or a plastic"),
     (np.inf, "a plastic or a metal"),
 )
 
@@ -44,7 +60,10 @@ Tell = Callable[[str, str], None]  # of what, in which column
 
 
 def check_plausible(
-    recording: Recording, file: str | Path | None = None, as_is: bool = False
+    recording: Recording,
+    file: str | Path | None = None,
+    as_is: bool = False,
+    history: str = "fresh",
 ) -> list[str]:
     """Notes, a line each, on what is odd. Raises `InputError` for what must be wrong.
 
@@ -55,7 +74,7 @@ def check_plausible(
     good = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
     time = recording.time_s[good]
     strain, stress = recording.strain[good], recording.stress_MPa[good]
-    if as_is or len(time) < FEWEST or np.ptp(strain) == 0:
+    if as_is or len(time) < FEW:
         return []
     axes = recording.axes
     where = file if file is not None else recording.name or None
@@ -70,6 +89,9 @@ def check_plausible(
     def note(message: str, _: str) -> None:
         notes.append(message)
 
+    _still(strain, stress, axes, note if history == "continued" else refuse)
+    if np.ptp(strain) == 0:
+        return [f"{recording.name}: {said}" for said in notes]
     if np.ptp(stress) < STILL:
         refuse(
             f"{axes.stress.name} is {stress[0]:.4g} {axes.stress.unit} throughout "
@@ -78,7 +100,9 @@ def check_plausible(
             axes.stress.column,
         )
     _against(strain, stress, axes, note if axes.component else refuse)
-    _swapped(time, strain, stress, axes, note if axes.component else refuse)
+    _begins(strain, stress, axes, note if axes.component else refuse)
+    if len(time) >= FEWEST:
+        _swapped(time, strain, stress, axes, note if axes.component else refuse)
     if not axes.component:
         _stiffness(strain, stress, refuse)
         notes += _notes(time, strain, stress)
@@ -178,11 +202,17 @@ def _apart(one: Recording, other: Recording) -> float:
 
 def _stiffness(strain: Array, stress: Array, refuse: Tell) -> None:
     stiffness = float(np.ptp(stress) / np.ptp(strain))
-    allowed = f"soft materials have {SOFTEST_MPa:g} to {STIFFEST_MPa:g}"
-    if stiffness > STIFFEST_MPa:
+    allowed = f"soft materials and tissue have {SOFTEST_MPa:g} to {STIFFEST_MPa:g}"
+    far = np.ptp(strain) > STRETCHES or np.abs(stress).max() > BEARS_MPa
+    if stiffness > STIFFEST_MPa or (stiffness > TISSUE_MPa and far):
+        also = "" if stiffness > STIFFEST_MPa else (
+            f", yet what is stiffer than {TISSUE_MPa:g} MPa tears before a strain of "
+            f"{STRETCHES:g} or a stress of {BEARS_MPa:g} MPa"
+        )  # fmt: skip
+        allowed += also
         refuse(
-            f"stiffness is {stiffness:.4g} MPa, {allowed}; is stress in kPa or Pa, or "
-            "a force? It must be in MPa",
+            f"stiffness is {stiffness:.4g} MPa, {allowed}; is stress in kPa (--unit "
+            "stress=kPa) or Pa, or a force? It must be in MPa",
             "stress_MPa",
         )
     if stiffness < SOFTEST_MPa:
@@ -190,7 +220,7 @@ def _stiffness(strain: Array, stress: Array, refuse: Tell) -> None:
         refuse(
             f"stiffness is {stiffness:.4g} MPa, {allowed}; "
             + (
-                "is strain in per cent? Divide it by 100"
+                "is strain in per cent? Divide it by 100 (--unit strain=%)"
                 if large
                 else "is stress in GPa? It must be in MPa"
             ),
@@ -205,7 +235,7 @@ def _against(strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
         tell(
             f"{y.name} falls as {x.name} grows (correlation {together:.2g}); one of "
             "them has its sign reversed: tension is positive, compression negative, in "
-            "both",
+            "both. Turn it with --flip strain or --flip stress",
             x.column,
         )
 
@@ -221,30 +251,58 @@ def _swapped(time: Array, strain: Array, stress: Array, axes: Axes, tell: Tell) 
         )
 
 
+def loaded_by_stress(time: Array, strain: Array, stress: Array) -> bool:
+    """Whether stress runs straight in time and strain does not, on one way.
+
+    As under load control, or with the columns swapped: no loop tells which.
+
+    >>> time = np.linspace(0, 1, 200)
+    >>> loaded_by_stress(time, time**2, time), loaded_by_stress(time, time, time**2)
+    (True, False)
+    """
+    closed = abs(strain[-1] - strain[0]) < CLOSED * np.ptp(strain)
+    return not closed and bent(time, stress) < STRAIGHTER * bent(time, strain)
+
+
 def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
     notes = []
     top = float(np.abs(strain).max())
     if top > LARGE:
         notes.append(
             f"strain reaches {top:.3g}, that is {100 * top:.4g} %; if it is in per "
-            "cent, divide it by 100"
+            "cent, divide it by 100 (--unit strain=%)"
         )
     elif top > 1 and loaded_straight(strain, stress):
         notes.append(
             f"stress grows in a straight line up to a strain of {top:.3g}, which "
-            "rubber does not; if strain is in per cent, divide it by 100"
+            "rubber does not; if strain is in per cent, divide it by 100 (--unit "
+            "strain=%)"
         )
     stiffness = float(np.ptp(stress) / np.ptp(strain))
     if stiffness > STIFF_MPa:
+        like = "as of tendon or a plastic" if stiffness > TISSUE_MPa else (
+            "more than most elastomers have"
+        )  # fmt: skip
         notes.append(
-            f"stiffness is {stiffness:.3g} MPa, more than most elastomers have; if "
-            "stress is in kPa, divide it by 1000, if it is a force, by the section"
+            f"stiffness is {stiffness:.3g} MPa, {like}; if stress is in kPa, divide it "
+            "by 1000 (--unit stress=kPa), if it is a force, by the section"
         )
     rate = fastest(time, strain)
+    counted = np.median(np.diff(time)) >= COUNTED and not np.any(time % 1)
     if 0 < rate < SLOWEST_per_s:
         notes.append(
             f"strain moves by {rate:.2g} 1/s at most; if time is in ms, divide it "
-            "by 1000"
+            "by 1000 (--unit time=ms)"
+        )
+    elif counted and len(time) >= FEWEST:
+        notes.append(
+            f"time counts in whole numbers, {np.median(np.diff(time)):g} s apart; if "
+            "they are ms, say --unit time=ms"
+        )
+    if len(time) >= FEWEST and loaded_by_stress(time, strain, stress):
+        notes.append(
+            "stress runs straight in time and strain does not, as under load control; "
+            "if the machine moved at a constant speed, the columns are swapped"
         )
     if FASTEST_per_s < rate and top <= LARGE:  # per cent are fast, too
         notes.append(
@@ -257,6 +315,55 @@ def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
             f"stress begins at {first:.3g} MPa with no strain; an offset, or a preload?"
         )
     return notes
+
+
+def _still(strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
+    """A strain that never moves, or is but noise: another column, or no ramp."""
+    x, span = axes.strain, float(np.ptp(strain))
+    unit = "" if x.unit == "-" else f" {x.unit}"
+    if span <= STANDS * float(np.abs(np.median(strain))) or span == 0:
+        how = f"stands at {np.median(strain):.4g}{unit} from first to last sample"
+    elif len(strain) >= FEWEST and white(strain) > WHITE and white(stress) < WHITE / 5:
+        how = f"is noise of {np.std(strain):.2g}{unit} while the stress moves"
+    else:
+        return
+    tell(
+        f"{x.name} {how}; is it the right column, and was "
+        "the ramp to it recorded? Another one is named with --strain or --displacement",
+        x.column,
+    )
+
+
+def white(values: Array) -> float:
+    """Mean square of steps over twice the variance: 1 of white noise, 0 of a course.
+
+    >>> round(white(np.random.default_rng(0).standard_normal(2000)), 1)
+    1.0
+    >>> white(np.linspace(0, 1, 100)) < 1e-3
+    True
+    """
+    variance = float(np.var(values))
+    return float(np.mean(np.diff(values) ** 2)) / (2 * variance) if variance else 0.0
+
+
+def _begins(strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
+    """A strain that begins far from zero with no stress: a ratio, or a position."""
+    first, share = beginning(strain, stress)
+    if share <= BEGINS:
+        return
+    x = axes.strain
+    if not axes.component and 0.9 < first < 1.1:
+        tell(
+            f"strain begins at {first:.4g} with no stress, as a stretch ratio does; if "
+            "it is one, say --unit strain=stretch",
+            x.column,
+        )
+        return
+    tell(
+        f"{x.name} begins at {first:.4g}{'' if x.unit == '-' else ' ' + x.unit} with "
+        "no stress; if that is the machine's position, count from there with --zero",
+        x.column,
+    )
 
 
 def loaded_straight(strain: Array, stress: Array) -> bool:
@@ -305,3 +412,56 @@ def bent(time: Array, values: Array, pieces: int = 16) -> float:
         y = values[index] - values[index].mean()
         out.append(float(np.std(y - x * (x @ y) / (x @ x))))
     return float(np.median(out) / np.ptp(values)) if out else 0.0
+
+
+def accidents(recording: Recording) -> tuple[Recording, list[str]]:
+    """The recording without stress after the specimen has torn, and a note on it."""
+    at = torn(recording)
+    if at is None:
+        return recording, []
+    stress = np.array(recording.stress_MPa)
+    index = np.flatnonzero(np.isfinite(stress) & np.isfinite(recording.strain))
+    first = index[max(int(np.searchsorted(index, at) - 0.005 * len(index)), 0)]
+    stress[first:] = np.nan
+    axes, time = recording.axes, recording.time_s[at]
+    unit = "" if axes.strain.unit == "-" else f" {axes.strain.unit}"
+    told = (
+        f"{recording.name}: {axes.stress.name} falls to zero at {time:.4g} s "
+        f"({axes.strain.name} {recording.strain[at]:.3g}{unit}) and stays there: "
+        "torn, or out of its grips; what follows is not used"
+    )
+    return recording.with_step("mask_failure", stress_MPa=stress), [told]
+
+
+def torn(recording: Recording) -> int | None:
+    """The sample at which the specimen tears or leaves its grips; None where it holds.
+
+    From there on the stress stays near zero, although the strain comes back to where
+    it had been borne; and it falls there at once, as slack does not.
+    """
+    index = np.flatnonzero(
+        np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
+    )
+    if len(index) < FEWEST:
+        return None
+    time, strain = recording.time_s[index], recording.strain[index]
+    stress = recording.stress_MPa[index]
+    peak = float(np.abs(stress).max())
+    after = np.abs(stress) <= GONE * peak
+    if peak == 0 or not after[-1] or after.all():
+        return None
+    gone = int(
+        len(after) - np.argmax(~after[::-1])
+    )  # the first of the last, quiet part
+    if len(after) - gone < max(FEW, 0.02 * len(after)):
+        return None
+    bore = np.flatnonzero(np.abs(stress[:gone]) >= WHOLE * peak)
+    last = int(bore[-1])
+    far = abs(strain[gone] - strain[last]) / np.ptp(strain)
+    late = (time[gone] - time[last]) / np.ptp(time)
+    # Slack comes with the way back; a specimen that is whole bears again out there.
+    again = np.abs(strain[gone:]).max() >= 0.95 * np.abs(strain[bore]).max()
+    if again and max(far, late) <= SHARP:
+        return int(index[gone])
+    at_once = max(far, late) <= SNAPS and abs(stress[last]) >= MOST * peak
+    return int(index[gone]) if at_once else None

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 
 from softnn.contracts import InputError
 
@@ -33,9 +33,14 @@ def workers(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     # Spawned, not forked: the parent may hold threads of BLAS or torch.
+    before = set(active_children())
     pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=attached)
     try:
         yield pool
+    except KeyboardInterrupt:  # work that takes minutes is not waited for
+        for process in set(active_children()) - before:
+            process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 

@@ -190,7 +190,7 @@ def test_bad_input_is_one_clear_line(tmp_path, capsys):
         frame = pd.read_csv(file)
         frame["strain"] = 0.0
         frame.to_csv(file, index=False)
-    refuse(capsys, ["diagnose", str(folder), *out], "never leaves zero")
+    refuse(capsys, ["diagnose", str(folder), *out], "stands at 0")
 
 
 def small_case(folder):

@@ -100,7 +100,8 @@ def test_it_is_told_in_words_by_which_a_wrong_unit_shows():
         (5e-3, "gel"),
         (0.05, "very soft"),
         (10, "hard"),
-        (99, "metal"),
+        (99, "tendon"),
+        (999, "metal"),
     ):
         assert kind in understood(Recording(time, strain, 4 * factor * strain))
     force = Recording(time, 40 * strain, 90 * strain, axes=COMPONENTS[0])

@@ -226,7 +226,6 @@ AS_THEY_ARE = {
                                "--diameter MM; and --length MM"),
     "the wrong decimal mark": ("instron_bluehill_eu/Tensile_test_PE.csv",
                                ["--decimal", ".", *SIZES], "decimal point"),
-    "shear of an adhesive in Pa": ("ta_dma850/shear_relaxation_raw.xls", [], "MPa"),
     "no section": ("ta_trios/leap-comp-4.txt", [], "--area"),
 }  # fmt: skip
 

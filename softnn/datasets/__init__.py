@@ -20,7 +20,7 @@ from urllib.parse import quote
 from softnn.contracts import InputError, nearest
 from softnn.database import Lock
 from softnn.readers import read
-from softnn.readers.tidy import data_folder, write_index
+from softnn.readers.tidy import data_folder, write_index, write_table
 
 MANIFEST = Path(__file__).with_name("manifest.toml")
 MIRROR = "https://raw.githubusercontent.com"
@@ -174,7 +174,7 @@ def _put_together(chosen: PublishedSet, folder: Path, mirror: str) -> None:
             if dialect != file.reader:
                 raise InputError(f"read as {dialect}, not as {file.reader}", file=url)
             tidy = f"tidy/{recording.name.replace(' ', '_')}.csv"
-            recording.to_frame().to_csv(folder / tidy, index=False, float_format="%.9g")
+            write_table(folder / tidy, recording.columns)
             about: dict[str, Any] = {"material": chosen.material, "test": file.test}
             made[tidy] = replace(recording, **about)
     write_index(folder, made)

@@ -7,11 +7,10 @@ import json
 import os
 import re
 import shlex
-import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from softnn.mismatch.api import inferred, load_model, to_case
 from softnn.mismatch.case import Case, check_model
 from softnn.models.units import BASES
 from softnn.readers import ReadOptions
+from softnn.readers.lacking import Lacking
 from softnn.workers import workers
 
 FAILED = "error.txt"  # in that folder, where softnn failed
@@ -40,9 +40,10 @@ class Job:
     seed: int = 0
     resume: bool = False
     options: ReadOptions = field(default_factory=ReadOptions)
+    skip: tuple[str, ...] = ()  # patterns of files to leave alone
     as_is: bool = False  # take implausible numbers as they stand
-    aloud: bool = False  # whether to say what was inferred before it starts
-    command: str = ""
+    say: Callable[[str], None] | None = None  # what was inferred, before it starts
+    command: tuple[str, ...] = ("softnn", "diagnose")  # as it was typed
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,7 @@ def jobs_of(
     files = tuple(p for p in paths if p.is_file())
     cases: list[Path | tuple[Path, ...]] = [p for p in paths if p not in files]
     cases += [files] if files else []
-    names = [_safe(case_name(c)) for c in cases]
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            raise InputError(
-                f"two cases are called {name!r}; give each a folder of its own name"
-            )
-    common["command"] = shlex.join(["softnn", *sys.argv[1:]])
+    names = _names(cases)
     jobs = [
         Job(case, out / name, model, **common)
         for case, name in zip(cases, names, strict=True)
@@ -79,11 +74,30 @@ def jobs_of(
     return jobs
 
 
+def _names(cases: Sequence[Path | tuple[Path, ...]]) -> list[str]:
+    """Folders to write the cases into: where names are the same, with the parent's."""
+    names = [_safe(case_name(c)) for c in cases]
+    for above in (1, 2, 3):
+        same = {n for n in names if names.count(n) > 1}
+        names = [
+            _safe("_".join(c.resolve().parts[-1 - above :]))
+            if n in same and isinstance(c, Path)
+            else n
+            for n, c in zip(names, cases, strict=True)
+        ]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise InputError(f"{cases[i]} is named twice; once is enough")
+    return names
+
+
 def case_name(source: Path | tuple[Path, ...]) -> str:
     """The name of the case of a folder, or of files."""
     if isinstance(source, Path):
         return source.resolve().name
-    return source[0].stem if len(source) == 1 else source[0].resolve().parent.name
+    if len(source) == 1:
+        return source[0].name.partition(".")[0] or source[0].name
+    return source[0].resolve().parent.name
 
 
 def run(
@@ -106,11 +120,20 @@ def diagnose_one(job: Job) -> Outcome:
     """Diagnose one case and write its files; where it fails, say so."""
     try:
         return _diagnosed(job)
+    except Lacking as error:
+        return Outcome(str(error) + _to_type(job, error))
     except InputError as error:
         return Outcome(str(error))
+    except OSError as error:  # a full disk, mostly
+        what = error.strerror or str(error)
+        return Outcome(
+            f"{case_name(job.source)}: cannot be written to {job.out}: {what}; what "
+            "was there before is as it was"
+        )
     except Exception as error:  # a fault of softnn: the other cases go on
         told = job.out / FAILED
-        told.write_text(traceback.format_exc(), encoding="utf-8")
+        with suppress(OSError):
+            told.write_text(traceback.format_exc(), encoding="utf-8")
         what = f"{type(error).__name__}: {error}".splitlines()[0]
         return Outcome(
             f"{case_name(job.source)}: softnn failed on it, by no fault of the "
@@ -118,28 +141,37 @@ def diagnose_one(job: Job) -> Outcome:
         )
 
 
+def _to_type(job: Job, error: Lacking) -> str:
+    """The command with what it lacks, and the way for sizes of single specimens."""
+    said = f". Type: {shlex.join([*job.command, *error.options])}"
+    if isinstance(job.source, Path) and error.sizes:
+        said += (
+            f". Sizes that differ: softnn diagnose {shlex.quote(str(job.source))} "
+            "--template, and fill in the table that it writes"
+        )
+    return said
+
+
 def _diagnosed(job: Job) -> Outcome:
     from softnn import __version__
     from softnn.mismatch.diagnosis import diagnose
 
-    case = to_case(job.source, job.as_is, options=job.options)
-    if job.aloud:
-        # What was understood is for who looks on; what is odd is for everybody.
-        said = inferred(case, job.model) if sys.stderr.isatty() else []
-        for line in [*said, *case.notes]:
-            print(line, file=sys.stderr, flush=True)
+    case = to_case(job.source, job.as_is, options=job.options, skip=job.skip)
+    if job.say is not None:
+        for line in [*inferred(case, job.model), *case.notes]:
+            job.say(line)
     asked, mark = _asked(case, job), job.out / DONE
     if job.resume and mark.is_file() and mark.read_text() == asked:
         told = json.loads((job.out / "diagnosis.json").read_text("utf-8"))
         return Outcome(f"done before: {told['summary']}", told)
-    for before in (mark, job.out / FAILED):
-        before.unlink(missing_ok=True)
+    (job.out / FAILED).unlink(missing_ok=True)
     found = diagnose(case, None if job.model is None else base(job.model), job.seed)
     found.result["provenance"] = {
         "softnn": __version__,
         "seed": job.seed,
-        "command": job.command,
+        "command": shlex.join(job.command),
     }
+    mark.unlink(missing_ok=True)
     found.save(job.out)
     mark.write_text(asked)
     return Outcome(found.summary, found.result)
@@ -175,9 +207,11 @@ def writable(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         trial = folder / f".{os.getpid()}"
-        trial.touch()
+        trial.write_bytes(bytes(4096))  # what a full disk does not take
         trial.unlink()
     except OSError as error:
+        with suppress(OSError, UnboundLocalError):
+            trial.unlink(missing_ok=True)
         raise InputError(
             f"cannot be written to ({error.strerror}); choose another --out",
             file=folder,
@@ -193,6 +227,17 @@ def alone(out: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
+
+
+def file_name(name: str, taken: set[str]) -> str:
+    """A name for a file that leads nowhere else, and is not among those `taken`."""
+    stem = base_ = _safe(name).strip(".-") or "recording"
+    count = 1
+    while stem.casefold() in taken:
+        count += 1
+        stem = f"{base_}-{count}"
+    taken.add(stem.casefold())
+    return stem
 
 
 def _safe(name: str) -> str:

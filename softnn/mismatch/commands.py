@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from softnn.contracts import Chunk, InputError, nearest
+from softnn import readers
+from softnn.contracts import InputError, nearest
 from softnn.json_file import plain, write
 from softnn.models.units import BASES
 from softnn.readers.arguments import add_options, options_of
@@ -25,19 +28,33 @@ def add_diagnose(commands: Any) -> None:
         "diagnose",
         help="where a simulation and recordings differ, and which physics was left out",
         description="Locate, explain, model and verify the mismatch of each case: a "
-        "folder of CSV files or machine exports (recordings/*.csv and case.toml, if "
-        "wanted); files named one by one are one case together.",
+        "folder of recordings, subfolders included, as CSV files or machine exports; "
+        "files named one by one are one case together. Files that are no recordings "
+        "are passed over and named.",
         epilog="Examples: softnn diagnose my_recordings --out found; "
         "softnn diagnose a.csv b.csv --out found --model sls; "
-        "softnn diagnose Specimen_*.csv --length 33 --area 18 --out found",
+        "softnn diagnose Specimen_*.csv --length 33 --area 18 --out found; "
+        "softnn diagnose my_recordings --template",
     )
     parser.add_argument("cases", nargs="+", metavar="CASE|FILE")
-    parser.add_argument("--out", required=True, metavar="DIR")
+    parser.add_argument("--out", metavar="DIR", help="where the reports go")
     parser.add_argument(
         "--model",
         metavar="|".join(BASES) + "|FILE",
         help="the base (default: as the case says, else its simulated_MPa, "
         "else pl-wiechert), or a model.json",
+    )
+    parser.add_argument(
+        "--template",
+        action="store_true",
+        help="write FOLDER/specimens.csv, a row a file, for sizes that differ",
+    )
+    parser.add_argument(
+        "--skip",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="leave a file of the folder alone; may be a pattern, as 'old*'",
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument(
@@ -70,13 +87,14 @@ def add_simulate(commands: Any) -> None:
         "simulate",
         help="stress of a model.json over the strain of recordings",
         description="Write time_s, strain, simulated_MPa (and stress_MPa where the "
-        "recording has it) for each recording; the stress is never used. A network "
+        "recording has it) for each recording, and print the error. The stress is not "
+        "used. Takes every file that diagnose takes, and CSV without stress. A network "
         "gets a column outside: 1 strain, 2 rate, 4 direction never shown to it, added "
         "up.",
         epilog="Example: softnn simulate found/case/model.json new.csv --out simulated",
     )
     parser.add_argument("model", metavar="MODEL.json")
-    parser.add_argument("recordings", nargs="+", metavar="RECORDING.csv")
+    parser.add_argument("recordings", nargs="+", metavar="FILE|FOLDER")
     parser.add_argument("--out", required=True, metavar="DIR")
     parser.add_argument(
         "--like",
@@ -87,6 +105,8 @@ def add_simulate(commands: Any) -> None:
     parser.add_argument(
         "--as-is", action="store_true", help="take implausible numbers as they stand"
     )
+    parser.add_argument("--skip", action="append", default=[], metavar="FILE")
+    add_options(parser)
     parser.set_defaults(run=simulate)
 
 
@@ -112,6 +132,10 @@ def diagnose(arguments: argparse.Namespace) -> int:
 
     _whole("--jobs", arguments.jobs, 1)
     _whole("--seed", arguments.seed, 0)
+    if arguments.template:
+        return _template(arguments)
+    if arguments.out is None:
+        raise InputError("--out is missing; say where the reports go, as --out found")
     out = Path(arguments.out)
     jobs = batch.jobs_of(
         arguments.cases,
@@ -120,41 +144,68 @@ def diagnose(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         resume=arguments.resume,
         options=options_of(arguments),
+        skip=tuple(arguments.skip),
         as_is=arguments.as_is,
-        aloud=len(arguments.cases) == 1 and not arguments.json,
+        command=("softnn", *arguments.words),
     )
     with batch.alone(out):
         return _run(arguments, out, jobs)
+
+
+def _template(arguments: argparse.Namespace) -> int:
+    from softnn.readers.folder import files_of, write_template
+
+    for folder in map(Path, arguments.cases):
+        if not folder.is_dir():
+            raise InputError("no such folder; --template is for folders", file=folder)
+        inner = folder / "recordings"
+        inner = inner if inner.is_dir() else folder
+        files, _ = files_of(inner, arguments.skip)
+        path = write_template(inner, files, options_of(arguments), readers.read)
+        print(
+            f"{path}: a row a recording. Fill in the sizes in mm (mm2 of an area), "
+            f"then: softnn diagnose {shlex.quote(str(folder))} --out found"
+        )
+    return 0
 
 
 def _run(arguments: argparse.Namespace, out: Path, jobs: list[Job]) -> int:
     from tqdm import tqdm
 
     from softnn.mismatch import batch
+    from softnn.progress import Shown, heard
     from softnn.report import write_index
 
     rows: list[dict[str, Any]] = [{} for _ in jobs]
-    # Nothing but results where nobody looks on.
-    bar = tqdm(total=len(jobs), unit="case", disable=len(jobs) < 2 or None)
-    for i, outcome in batch.run(jobs, arguments.jobs, arguments.scheduler):
-        name = batch.case_name(jobs[i].source)
-        bar.update()
-        rows[i] = {"case": name, "result": outcome.result}
-        if outcome.result is None:
-            rows[i] |= {"error": outcome.line}
-            with bar.external_write_mode(file=sys.stderr):
-                print(f"softnn: {outcome.line}", file=sys.stderr, flush=True)
-            continue
-        rows[i] |= {"page": f"{jobs[i].out.name}/report.html"}
-        if not arguments.json:
-            with bar.external_write_mode(file=sys.stdout):
-                print(f"{jobs[i].out.name}: {outcome.line}", flush=True)
+    single = len(jobs) == 1
+    shown = Shown(batch.case_name(jobs[0].source), quiet=not single or arguments.json)
+    if single and not arguments.json:
+        jobs[0] = replace(jobs[0], say=shown.say)
+    bar = tqdm(total=len(jobs), unit="case", disable=single or None)
+    with shown, heard(shown if single else None):
+        for i, outcome in batch.run(jobs, arguments.jobs, arguments.scheduler):
+            bar.update()
+            rows[i] = {"case": jobs[i].out.name, "result": outcome.result}
+            if outcome.result is None:
+                rows[i] |= {"error": outcome.line}
+                shown.clear()
+                with bar.external_write_mode(file=sys.stderr):
+                    print(f"softnn: {outcome.line}", file=sys.stderr, flush=True)
+                continue
+            rows[i] |= {"page": f"{jobs[i].out.name}/report.html"}
+            if not arguments.json:
+                shown.clear()
+                with bar.external_write_mode(file=sys.stdout):
+                    print(f"{jobs[i].out.name}: {outcome.line}", flush=True)
     bar.close()
-    page = write_index(rows, out) if len(jobs) > 1 else jobs[0].out / "report.html"
+    done = any(row["result"] is not None for row in rows)
+    page = write_index(rows, out) if not single else jobs[0].out / "report.html"
     if arguments.json:
         print(json.dumps([plain(row) for row in rows], indent=1))
-    elif page.exists() and sys.stdout.isatty():
+    elif done:
         print(f"report: {page}")
+    elif page.exists() and single:
+        print(f"softnn: {page} is of an earlier run", file=sys.stderr)
     if arguments.tracking:
         from softnn.mismatch.record import log
 
@@ -171,47 +222,36 @@ def _whole(option: str, value: int, least: int) -> None:
 
 
 def simulate(arguments: argparse.Namespace) -> int:
-    import pandas as pd
-
+    from softnn.metrics import nrmse, r2
     from softnn.mismatch import batch
+    from softnn.mismatch.api import histories
     from softnn.mismatch.histories import (
         beyond,
         check_reach,
         known_by_name,
         outside,
-        read_history,
     )
     from softnn.model_file import read_model
+    from softnn.readers.tidy import write_table
     from softnn.recording import bridged
 
     model = read_model(arguments.model)
     axes = model.axes
-    files = [Path(f) for f in arguments.recordings]
-    stems = [f.stem for f in files]
-    for i, stem in enumerate(stems):
-        if stem in stems[:i]:
-            raise InputError(f"two recordings are called {stem!r}; rename one")
+    every, notes = histories(
+        arguments.recordings, axes, options_of(arguments), arguments.skip
+    )
     out = Path(arguments.out)
     batch.writable(out)
-    chunks, given, measured = [], [], []
-    for file in files:
-        frame = read_history(file, axes)
-        time = frame["time_s"].to_numpy(float)
-        strain = bridged(frame[axes.strain.column].to_numpy(float), time)
-        warm = frame.get("temperature_C")
-        chunks.append(
-            Chunk(time, strain, None if warm is None else warm.to_numpy(float))
-        )
-        simulated = frame.get(axes.simulated)
-        given.append(
-            None
-            if simulated is None or not model.needs_simulated
-            else bridged(simulated.to_numpy(float), time)
-        )
-        measured.append(frame.get(axes.stress.column))
+    names, chunks = [h.name for h in every], [h.chunk for h in every]
+    needed = [
+        None
+        if h.simulated is None or not model.needs_simulated
+        else bridged(h.simulated, h.chunk.time_s)
+        for h in every
+    ]
     if not arguments.as_is:
-        check_reach(model, stems, chunks)
-    called = stems
+        check_reach(model, names, chunks)
+    called = names
     if arguments.like is not None:
         known = known_by_name(model)
         if arguments.like not in known:
@@ -219,26 +259,33 @@ def simulate(arguments: argparse.Namespace) -> int:
                 f"--like is {arguments.like!r}{nearest(arguments.like, known)}; the "
                 f"model knows {', '.join(known) or 'no recording by name'}"
             )
-        called = [arguments.like] * len(stems)
-    stress = model.stress(called, chunks, given)
-    for line in beyond(model, stems, chunks, arguments.like is None):
+        called = [arguments.like] * len(names)
+    stress = model.stress(called, chunks, needed)
+    for line in [*notes, *beyond(model, names, chunks, arguments.like is None)]:
         print(f"softnn: {line}", file=sys.stderr)
-    for file, chunk, s, m in zip(files, chunks, stress, measured, strict=True):
+    lines = []
+    taken: set[str] = set()
+    for history, s in zip(every, stress, strict=True):
+        chunk, measured = history.chunk, history.measured
         table: dict[str, Any] = {
             "time_s": chunk.time_s,
             axes.strain.column: chunk.strain,
             axes.simulated: s,
         }
-        if m is not None:
-            table[axes.stress.column] = m.to_numpy(float)
-        told = f"{file.stem}: {len(s)} samples"
+        told = f"{history.name}: {len(s)} samples"
+        if measured is not None:
+            table[axes.stress.column] = measured
+            told += (
+                f", error {100 * nrmse(s, measured):.3g} % of the stress, "
+                f"R2 {r2(s, measured):.3g}"
+            )
         if hasattr(model, "outside"):
             table["outside"] = model.outside(chunk)
             told += outside(table["outside"])
-        pd.DataFrame(table).to_csv(
-            out / f"{file.stem}.csv", index=False, float_format="%.9g"
-        )
-        print(told)
+        path = out / f"{batch.file_name(history.name, taken)}.csv"
+        write_table(path, table)
+        lines.append(f"{told}; written to {path}")
+    print("\n".join(lines))
     return 0
 
 

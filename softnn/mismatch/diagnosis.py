@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from softnn import glance, progress
 from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
@@ -27,7 +30,10 @@ if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
 
 
-@dataclass
+STEPS = 900  # of fits in a diagnosis of one recording, as measured; roughly
+
+
+@dataclass(repr=False)
 class Diagnosis:
     """What was left out, how sure that is, and the corrected model.
 
@@ -45,6 +51,25 @@ class Diagnosis:
     measured: list[Array]
     before: list[Array]
     after: list[Array]
+
+    def __repr__(self) -> str:
+        count = len(self.case.recordings)
+        return (
+            f"<Diagnosis of {self.case.name!r}, {count} "
+            f"recording{'s'[: count != 1]}: {self.summary}>"
+        )
+
+    def _repr_html_(self) -> str:
+        every = list(
+            zip(self.strain, self.measured, self.before, self.after, strict=True)
+        )
+        x, measured, before, after = max(every, key=lambda e: float(np.ptp(e[0])))
+        drawn = glance.svg([(x, measured), (x, before), (x, after)])
+        return (
+            f"<figure style='margin:0'><figcaption><b>{escape(self.case.name)}</b>: "
+            f"{escape(self.summary)}</figcaption>{drawn}<div><small>measured (blue), "
+            "simulated before (red) and after correction (green)</small></div></figure>"
+        )
 
     @property
     def axes(self) -> Axes:
@@ -96,12 +121,18 @@ class Diagnosis:
         """Write diagnosis.json, model.json, base.json and the report into `folder`."""
         from softnn.json_file import write
 
+        progress.stage("writing")
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
-        write(target / "model.json", self.model_json)
-        write(target / "base.json", self.base_json)
-        self.report(target)
-        write(target / "diagnosis.json", self.result)  # last: it says all is there
+        # All of it aside first: where the disk is full, what was there before stays.
+        with tempfile.TemporaryDirectory(prefix=".new-", dir=target) as new:
+            aside = Path(new)
+            write(aside / "model.json", self.model_json)
+            write(aside / "base.json", self.base_json)
+            self.report(aside)
+            write(aside / "diagnosis.json", self.result)
+            for file in ("model.json", "base.json", "report.html", "diagnosis.json"):
+                (aside / file).replace(target / file)  # last it says that all is there
         return target
 
 
@@ -123,6 +154,7 @@ def _diagnose(
     case: Case, model: str | Stored | StoredNetwork | None, seed: int
 ) -> Diagnosis:
     clock = time.perf_counter()
+    progress.stage("diagnosing", STEPS * len(case.recordings) ** 0.5)
     check_case(case)
     case = in_order(case)
     if seed < 0:

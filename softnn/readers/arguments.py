@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+import shlex
 from dataclasses import fields
 
 from softnn.contracts import InputError
@@ -31,7 +33,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         group.add_argument(
             f"--{name}",
             dest=f"{name}_{unit}",
-            type=float,
+            type=_number,
             metavar=unit.upper(),
             help=_HELP.get(name, f"{name} of the specimen, {unit}"),
         )
@@ -51,12 +53,67 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--compression", action="store_true", help="the file counts compression > 0"
     )
     group.add_argument(
+        "--flip",
+        default="",
+        choices=["strain", "stress"],
+        help="the one whose sign the file has reversed",
+    )
+    group.add_argument(
+        "--zero", action="store_true", help="strain counts from where the file starts"
+    )
+    group.add_argument(
         "--skip-bad-cells",
         action="store_true",
         help="cells that are no numbers become missing values",
     )
     for name in ("specimen", "material", "test"):
         group.add_argument(f"--{name}", default="", help=f"{name}, to be recorded")
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no number; put the size in its place, as 33.5"
+        ) from None
+
+
+_SWITCHES = ("as_is", "compression", "skip_bad_cells", "zero")
+
+
+def as_arguments(text: str) -> str:
+    """A message that names options of a command, in arguments of a function.
+
+    >>> as_arguments("no length in it; give --length MM, or --unit 'Way=mm'")
+    "no length in it; give length_mm=..., or units={'Way': 'mm'}"
+    >>> as_arguments("If it is right, say --as-is")
+    'If it is right, say as_is=True'
+    """
+
+    def gathered(match: re.Match[str]) -> str:
+        words = shlex.split(match[0])
+        if words[0] == "--skip":
+            return f"skip={words[1::2]}"
+        pairs = (word.rpartition("=") for word in words[1::2])
+        return f"units={ ({c: u for c, _, u in pairs}) }"
+
+    def option(match: re.Match[str]) -> str:
+        name, value = match[1].replace("-", "_"), match[2]
+        if name in _SWITCHES:
+            return f"{name}=True"
+        if name in _SIZES:
+            return f"{name}_{_SIZES[name]}" + ("=..." if value else "")
+        if name in (*_QUANTITIES, "decimal", "model", "seed", "skip"):
+            return name + ("=..." if value else "")
+        return match[0]
+
+    word = r"(?:'[^']*'|[^\s',;]+)"
+    text = re.sub(rf"--unit {word}(?:,? --unit {word})*", gathered, text)
+    text = re.sub(rf"--skip {word}(?: --skip {word})*", gathered, text)
+    text = text.replace("--unit", "units={COLUMN: UNIT}")
+    text = re.sub(r"--flip (\w+)", r"flip='\1'", text)
+    return re.sub(r"--([a-z]+(?:-[a-z]+)*)( [A-Z][A-Z0-9_]*\b)?", option, text)
 
 
 def options_of(arguments: argparse.Namespace) -> ReadOptions:

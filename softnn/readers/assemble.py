@@ -8,6 +8,7 @@ the recording's log, and what is missing is an error that names the option.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,16 +17,16 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.readers.chosen import Chosen
-from softnn.readers.numbers import decimal_mark
+from softnn.readers.header import header_number
+from softnn.readers.lacking import Lacking, NoRecording, placed
+from softnn.readers.numbers import FEW, MANY, decimal_mark, numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.table import Table, find_tables, has_role
-from softnn.readers.vocabulary import (
-    HEIGHT,
-    TRUE,
-    plain,
-)
+from softnn.readers.units import parse_unit
+from softnn.readers.vocabulary import DIMENSION, REMARK, TRUE, plain, rank
 from softnn.recording import Recording, Step
+from softnn.start import ODD, OFFSET, beginning, stale, start
 
 # Beyond these a unit or the geometry is wrong, not the material: 100 is 10,000 %,
 # 20 GPa is beyond any wire.
@@ -41,9 +42,7 @@ def assemble(
     try:
         return _Assembly(table, rules, options, decimal).recording()
     except InputError as error:
-        if error.file is not None:
-            raise
-        raise InputError(str(error), file=table.where) from None
+        raise placed(error, table.where) from None
 
 
 class _Assembly(Chosen):
@@ -53,11 +52,21 @@ class _Assembly(Chosen):
         table, options = self.table, self.options
         if not table.rows:
             raise InputError("no rows; at least two samples are needed")
-        force = self.read("force")
-        stress = self.stress(force)
-        strain, elongation = self.strain()
-        time = self.time(strain)
-        self.check_time(time)
+        if table.bad:
+            self.left_out(table.bad)
+        if self.lacks() > 1:
+            raise NoRecording(f"no columns of a test; it has {self.have()}")
+        force, stress, strain, elongation, time = self.channels()
+        self.check_short()
+        old = self.first
+        if old:
+            self.note_stale()
+        elif count := stale(strain, stress):
+            # Zeros and lengths are those of the first row that counts.
+            one = _Assembly(table, self.rules, options, self.decimal, count)
+            return one.recording()
+        timed = self.timed(time)
+        self.check_time(time[timed])
         self.check_size(strain, MAX_STRAIN, "strain", "--length")
         self.check_size(stress, MAX_STRESS, "stress [MPa]", "--area")
         self.note_jumps(strain, "strain")
@@ -73,13 +82,18 @@ class _Assembly(Chosen):
         if table.sheet:
             arguments["sheet"] = table.sheet
         specimen = options.specimen or table.label or self.header.specimen
+        channels = {
+            "time_s": time - np.nanmin(time[old:]) if old else time,
+            "strain": strain,
+            "stress_MPa": stress,
+            "temperature_C": self.optional("temperature"),
+            "force_N": force,
+            "elongation_mm": elongation,
+            "simulated_MPa": self.simulated(),
+        }
+        kept: dict[str, Any] = {k: v for k, v in channels.items() if v is not None}
         return Recording(
-            time_s=time,
-            strain=strain,
-            stress_MPa=stress,
-            temperature_C=self.optional("temperature"),
-            force_N=force,
-            elongation_mm=elongation,
+            **{k: v[timed][old:] for k, v in kept.items()},
             name=table.file.name.split(".")[0],
             specimen=specimen,
             material=options.material or self.header.material,
@@ -89,6 +103,83 @@ class _Assembly(Chosen):
             source=str(table.file),
             log=(Step("read", arguments),),
         )
+
+    def lacks(self) -> int:
+        """How many of time, load and travel have no column, named or not."""
+        options = self.options
+        timed = options.interval_s is not None or options.rate_per_s is not None
+        return (
+            2
+            - sum(
+                any(self.candidates(role) for role in roles)
+                for roles in (("force", "stress"), ("displacement", "strain"))
+            )
+            + (not timed and not self.candidates("time"))
+        )
+
+    def timed(self, time: Array) -> Array:
+        """Rows (n,) to keep: those with a time, where others may be left out."""
+        good = np.isfinite(time)
+        few = (~good).sum() <= max(FEW, MANY * len(time))
+        if not good.all() and self.options.skip_bad_cells and few:
+            self.notes.append(f"{(~good).sum()} rows without a time left out")
+            return good
+        return np.ones(len(time), bool)
+
+    def simulated(self) -> Array | None:
+        """The stress of a simulation that stands beside the measured one."""
+        for i, column in enumerate(self.table.columns):
+            unit = parse_unit(self.unit_of(column, "simulated"))
+            named = re.search(r"\bsimulat", column.plain)
+            if named and unit is not None and unit.dimension == "stress":
+                values, _ = numbers(
+                    self.table, i, self.decimal, self.options.skip_bad_cells
+                )
+                self.used["simulated"] = str(column)
+                sign = -1.0 if self.flipped(column, "stress") else 1.0
+                return sign * values * unit.factor
+        return None
+
+    def channels(self) -> tuple[Array | None, Array, Array, Array | None, Array]:
+        """Force, stress, strain, elongation and time; all that lacks is said at once.
+
+        Raises `NoRecording` where there is nothing of a test.
+        """
+        lacking: Lacking | None = None
+        force = stress = strain = elongation = time = None
+        try:
+            force, stress = self.force_and_stress()
+        except Lacking as error:
+            lacking = error
+        try:
+            load = stress if force is None else force
+            strain, elongation = self.strain(load)
+        except Lacking as error:
+            lacking = error if lacking is None else lacking.and_also(error)
+        try:
+            time = self.time(strain)
+        except Lacking as error:
+            lacking = error if lacking is None else lacking.and_also(error)
+        if lacking is not None:
+            raise lacking
+        assert stress is not None
+        assert strain is not None
+        assert time is not None
+        return force, stress, strain, elongation, time
+
+    def force_and_stress(self) -> tuple[Array | None, Array]:
+        """Force and stress; the force may be unclear where it is not needed."""
+        try:
+            force = self.read("force")
+        except Lacking as error:
+            wanted = self.options.force or self.options.has_area
+            if wanted or self.find("stress") is None:
+                if self.geometry.area is None:
+                    error = error.and_also(Lacking(["area"]))
+                raise error from None
+            self.notes.append("force left out: its unit is not known")
+            force = None
+        return force, self.stress(force)
 
     def optional(self, role: str) -> Array | None:
         """A channel nothing depends on: without a clear unit it is left out."""
@@ -123,28 +214,111 @@ class _Assembly(Chosen):
             )
         if area is None:
             self.header.refuse_unknown(("area", "width", "thickness", "diameter"))
-            both = self.needs_length()
-            raise InputError(
-                f"no cross-section{' and no length' if both else ''} of the specimen "
-                "in it; give --area MM2, or --width MM and --thickness MM, or "
-                f"--diameter MM{'; and --length MM' if both else ''}"
-            )
+            raise Lacking(["area"])
         return force / area
 
-    def needs_length(self) -> bool:
-        """Whether strain, too, will lack its length: both are then said at once."""
-        if self.geometry.length_mm is not None or self.find("strain"):
-            return False
-        found = self.find("displacement")
-        return found is None or not HEIGHT.search(self.table.columns[found[0]].plain)
+    def left_out(self, bad: Sequence[tuple[int, str]]) -> None:
+        """Rows that fit no column are left out if the user says so, else refused."""
+        line, told = bad[0]
+        few = len(bad) <= max(FEW, MANY * len(self.table.rows))
+        if not (self.options.skip_bad_cells and few):
+            how = (
+                "; repair the row, or leave such rows out with --skip-bad-cells"
+                if few
+                else f", and {len(bad) - 1} more rows alike; export the file again"
+            )
+            raise InputError(told + how, file=self.table.where, row=line)
+        self.notes.append(f"{len(bad)} rows left out, the first {line}: {told}")
 
-    def strain(self) -> tuple[Array, Array | None]:
+    def check_short(self) -> None:
+        """Refuse a row without some of its last cells, unless none of them is needed.
+
+        A cell lost within a row moves the others to the left; so those that are used
+        have to go on from the rows around.
+        """
+        table, width = self.table, len(self.table.columns)
+        if not table.short:
+            return
+        shortest = min(count for _, count in table.short)
+        if all(REMARK.search(c.plain) for c in table.columns[shortest:]):
+            return  # a column for what an operator types now and then
+        many = len(table.short) > max(FEW, MANY * len(table.rows))
+        whole = np.arange(len(table.rows))
+        others = np.setdiff1d(whole, [k for k, _ in table.short])
+        for k, count in table.short:
+            near = others[np.argsort(np.abs(others - k), kind="stable")[:6]]
+            if many or not all(
+                i < count and self.goes_on(i, k, near) for i in self.cells
+            ):
+                raise InputError(
+                    f"{count} values under {width} column names, and it is open which "
+                    "is missing; complete the row, or delete it",
+                    file=table.where,
+                    row=int(table.lines[k]),
+                )
+        first = int(table.lines[table.short[0][0]])
+        self.notes.append(
+            f"{len(table.short)} rows lack their last cells, which are not needed; "
+            f"the first is row {first}"
+        )
+
+    def goes_on(self, index: int, k: int, near: Array) -> bool:
+        """Whether a cell of row k fits those of the rows `near`."""
+        values = self.cells.get(index)
+        if values is None:
+            return True
+        if not len(near) or not np.isfinite(values[near]).any():
+            return False
+        low, high = np.nanmin(values[near]), np.nanmax(values[near])
+        slack = 3 * (high - low) + 0.01 * (np.nanmax(values) - np.nanmin(values))
+        return bool(low - slack <= values[k] <= high + slack)
+
+    def note_stale(self) -> None:
+        """A note on the first rows, which are left out."""
+        first, last = self.table.lines[0], self.table.lines[self.first - 1]
+        rows = f"row {first}" if self.first == 1 else f"rows {first} to {last}"
+        self.notes.append(
+            f"{rows} left out: a channel jumps there alone, or from a load to none, as "
+            "where a machine writes what was left from before"
+        )
+
+    def zeroed(self, moved: Array, load: Array | None, role: str) -> Array:
+        """Travel from where the recording starts, if that cannot be the specimen's."""
+        name = self.used.get(role, role)
+        if self.options.zero:
+            self.notes.append(f"{name!r} counts from where it starts (--zero)")
+            return moved - start(moved[self.first :])
+        if load is None or any(n.startswith("zero of") for n in self.notes):
+            return moved
+        first, share = beginning(moved[self.first :], load[self.first :])
+        unit = " mm" if role == "displacement" else ""
+        if role == "displacement" and share > OFFSET:
+            self.notes.append(
+                f"{name!r} starts at {first:.4g}{unit} with no load, the machine's "
+                "position; it counts from there"
+            )
+            return moved - first
+        if role == "strain" and 0.9 < first < 1.1:
+            column = name.partition(" [")[0]
+            self.notes.append(
+                f"{column!r} starts at {first:.4g} with no load, as a stretch ratio "
+                f"does; if it is one, say --unit '{column}=stretch'"
+            )
+        elif share > ODD:
+            self.notes.append(
+                f"{name!r} starts at {first:.4g}{unit} with no load; if that is the "
+                "machine's position, say --zero"
+            )
+        return moved
+
+    def strain(self, load: Array | None = None) -> tuple[Array, Array | None]:
         """Strain and elongation; from the displacement when a length is given."""
         options = self.options
         elongation: Array | None = None
         if options.length_mm is not None and not options.strain:
             elongation = self.read("displacement")
             if elongation is not None:
+                elongation = self.zeroed(elongation, load, "displacement")
                 return elongation / options.length_mm, elongation
             self.notes.append("no displacement to use --length on")
         strain = self.read("strain")
@@ -152,6 +326,7 @@ class _Assembly(Chosen):
             if TRUE.search(plain(self.used["strain"])):
                 self.notes.append("true strain made engineering strain, exp(e) - 1")
                 strain = np.expm1(np.minimum(strain, 50.0))
+            strain = self.zeroed(strain, load, "strain")
             elongation = self.optional("displacement")
             length = self.geometry.length_mm
             if elongation is not None and length is not None:
@@ -166,39 +341,43 @@ class _Assembly(Chosen):
                     30.0 if extensometer else DISAGREE,
                 )
             return strain, elongation
-        elongation = self.read("displacement")
+        length = self.geometry.length_mm
+        try:
+            elongation = self.read("displacement")
+        except Lacking as error:
+            if length is None:
+                error = error.and_also(Lacking(["length"]))
+            raise error from None
         if elongation is None:
             raise InputError(
                 f"no column of strain or displacement; it has {self.have()}. "
                 "Name one with --strain or --displacement"
             )
-        length = self.geometry.length_mm
+        length = self.geometry.length_mm  # a column of height brings its own
         if length is None:
             self.header.refuse_unknown(("length",))
-            raise InputError(
-                "no length of the specimen in it, so displacement gives no strain; "
-                "give --length MM"
-            )
+            raise Lacking(["length"])
+        elongation = self.zeroed(elongation, load, "displacement")
         return elongation / length, elongation
 
-    def time(self, strain: Array) -> Array:
+    def time(self, strain: Array | None) -> Array | None:
+        """Time [s]; None where it is made of a strain that lacks something itself."""
         options = self.options
         if options.interval_s is not None:
             self.used["time"] = f"every {options.interval_s:g} s (--interval)"
-            return np.arange(float(len(strain))) * options.interval_s
+            return np.arange(float(len(self.table.rows))) * options.interval_s
         time = self.read("time")
         if time is not None:
             return time
         if options.rate_per_s is not None:
+            if strain is None:
+                return None
             steps = np.abs(np.diff(strain, prepend=strain[:1]))
             if np.isnan(steps).any():
                 raise InputError("strain has gaps, so --rate gives no time")
             self.used["time"] = f"strain at {options.rate_per_s:g} 1/s (--rate)"
             return np.asarray(np.cumsum(steps) / options.rate_per_s, dtype=float)
-        raise InputError(
-            f"no column of time; it has {self.have()}. Name one with --time, or give "
-            "--interval SECONDS between samples, or --rate STRAIN_PER_SECOND"
-        )
+        raise Lacking(["time"], have=self.have())
 
     def rate(self) -> float | None:
         if self.options.rate_per_s is not None:
@@ -213,7 +392,11 @@ class _Assembly(Chosen):
     def check_time(self, time: Array) -> None:
         """Name the row of the file, which a Recording no longer knows."""
         for bad, what in (
-            (np.isnan(time), "no time; every row needs one"),
+            (
+                np.isnan(time),
+                "no time; every row needs one. Leave such rows out with "
+                "--skip-bad-cells, if they are few",
+            ),
             (
                 np.diff(time, prepend=time[:1]) < 0,
                 "time goes backwards; sort the rows, split the file where a new test "
@@ -285,12 +468,13 @@ def recordings(
     Raises `InputError` for the reason the best of them is none.
     """
     if not tables:
-        raise InputError(
+        raise NoRecording(
             "no rows of numbers below column names; expected are columns of time, "
             "force or stress, and displacement or strain",
             file=file,
         )
     decimal = options.decimal or decimal_mark(tables, file)
+    tables = _joined(tables)
     chosen = [t for t in tables if _is_test(t, options)]
     if not chosen:
         chosen = [max(tables, key=lambda t: len(t.rows))]
@@ -301,9 +485,54 @@ def recordings(
     return [assemble(table, rules, options, decimal) for table in chosen]
 
 
+def _joined(tables: list[Table]) -> list[Table]:
+    """Tables whose names come again on every page, put together again."""
+    out: list[Table] = []
+    for table in tables:
+        before = out[-1] if out else None
+        if before is None or not _continues(before, table):
+            out.append(table)
+            continue
+        note = f"names repeated above row {int(table.lines[0])}: one table"
+        out[-1] = replace(
+            before,
+            rows=before.rows + table.rows,
+            lines=np.concatenate([before.lines, table.lines]),
+            short=before.short
+            + tuple((len(before.rows) + k, count) for k, count in table.short),
+            bad=before.bad + table.bad,
+            notes=(*before.notes, *table.notes, note),
+        )
+    return out
+
+
+def _continues(before: Table, table: Table) -> bool:
+    """Whether a table of the same columns goes on where the one before it ends."""
+    if before.columns != table.columns or table.header or table.label:
+        return False
+    if before.sheet != table.sheet:
+        return False
+    clock = [i for i, c in enumerate(table.columns) if rank("time", c.plain) == 0]
+    if not clock or len(before.rows) < 3:
+        return False
+    times = [*before.cells(clock[0])[-3:], *table.cells(clock[0])[:1]]
+    numbers_ = [header_number(str(t)) for t in times]
+    if any(t is None for t in numbers_):
+        return False
+    a, b, c, d = (t or 0.0 for t in numbers_)
+    return 0 < d - c <= 10 * max(c - b, b - a)
+
+
 def _is_test(table: Table, options: ReadOptions) -> bool:
+    dimensions = {u.dimension for c in table.columns if (u := parse_unit(c.unit))}
+
     def has(*roles: str) -> bool:
-        return any(getattr(options, role) or has_role(table, role) for role in roles)
+        return any(
+            getattr(options, role)
+            or has_role(table, role)
+            or (table.nameless and DIMENSION[role] in dimensions)
+            for role in roles
+        )
 
     timed = has("time") or options.interval_s or options.rate_per_s
     return bool(

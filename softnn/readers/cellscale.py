@@ -51,8 +51,12 @@ def _sets(table: Table) -> list[Table]:
     for name in dict.fromkeys(sets):  # in the order they come
         keep = [k for k, s in enumerate(sets) if s == name]
         rows = [table.rows[k] for k in keep]
+        place = {k: i for i, k in enumerate(keep)}
+        short = tuple((place[k], n) for k, n in table.short if k in place)
         parts.append(
-            replace(table, rows=rows, lines=table.lines[keep], label=str(name))
+            replace(
+                table, rows=rows, lines=table.lines[keep], label=str(name), short=short
+            )
         )
     return parts
 

@@ -11,34 +11,45 @@ from dataclasses import fields, replace
 import numpy as np
 
 from softnn.contracts import Array, InputError
+from softnn.readers.clocks import clock, is_clock, since_an_epoch
 from softnn.readers.columns import Column
 from softnn.readers.header import header_geometry
+from softnn.readers.lacking import Lacking
 from softnn.readers.numbers import numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.table import Table
-from softnn.readers.units import Unit, known, parse_unit
+from softnn.readers.units import WEIGHTS, Unit, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
     COMPRESSIVE,
     DIMENSION,
     HEIGHT,
     ROLES,
+    STRETCH,
     TRUE,
     plain,
     rank,
 )
 from softnn.recording import Geometry
+from softnn.start import start
 
 
 class Chosen:
     """Columns of one table by what they are; what was used collects as it goes."""
 
     def __init__(
-        self, table: Table, rules: Rules, options: ReadOptions, decimal: str
+        self,
+        table: Table,
+        rules: Rules,
+        options: ReadOptions,
+        decimal: str,
+        first: int = 0,
     ) -> None:
+        self.first = first  # row at which the recording starts
         self.table, self.rules, self.options = table, rules, options
         self.decimal = decimal
         self.used: dict[str, str] = {}
+        self.cells: dict[int, Array] = {}  # of columns that were used
         self.notes = [*rules.notes, *table.notes]
         self.header = header_geometry(table.header)
         known_geometry = {**self.header.values, **rules.geometry}
@@ -56,6 +67,12 @@ class Chosen:
             # half a section: the file's own area no longer holds
             known_geometry.pop("area_mm2", None)
         self.geometry = Geometry(**{**known_geometry, **given})
+        for name in options.units:
+            if name not in ROLES and not any(
+                name in (c.name, str(c)) or plain(name) == c.plain
+                for c in table.columns
+            ):
+                self.notes.append(f"no column {name!r}, of which a unit was given")
 
     def candidates(self, role: str) -> list[int]:
         """Columns that may play a role, best first."""
@@ -77,12 +94,21 @@ class Chosen:
             order = {name: k for k, name in enumerate(listed)}
             found = [i for i, c in enumerate(columns) if c.plain in order]
             return sorted(found, key=lambda i: order[columns[i].plain])
+        if self.table.nameless:
+            units = [parse_unit(c.unit) for c in columns]
+            wanted = DIMENSION[role]
+            return [
+                i
+                for i, u in enumerate(units)
+                if u is not None and u.dimension == wanted
+            ]
         ranked = []
         for i, column in enumerate(columns):
             place = rank(role, column.plain)
             if place is not None and column.plain not in self.rules.ignore:
-                ranked.append((TRUE.search(column.plain) is not None, place, i))
-        return [i for _, _, i in sorted(ranked)]
+                stamps = role == "time" and is_clock(self.table.cells(i))
+                ranked.append((TRUE.search(column.plain) is not None, stamps, place, i))
+        return [i for *_, i in sorted(ranked)]
 
     def find(self, role: str) -> tuple[int, Unit] | None:
         """The column of a role with its unit, or None; an unknown unit is an error."""
@@ -91,7 +117,7 @@ class Chosen:
         for i in self.candidates(role):
             column = self.table.columns[i]
             text = self.unit_of(column, role)
-            unit = parse_unit(text)
+            unit = self.implied(i, role, text) or parse_unit(text)
             if unit is None and not text and dimension == "strain" and self.fractions:
                 unit = Unit("strain", 1.0)
             if unit is not None and unit.dimension == dimension:
@@ -100,8 +126,7 @@ class Chosen:
                 return i, unit
             if unit is None:
                 # a name that may mean strain or length is no sign of one without unit
-                vague = rank(role, column.plain) == len(ROLES[role]) - 1
-                if text or not vague or role not in ("strain", "displacement"):
+                if text or not self.vague(role, column):
                     unclear = unclear or column
             elif getattr(self.options, role):
                 raise InputError(
@@ -111,17 +136,55 @@ class Chosen:
             self.refuse(unclear, role)
         return None
 
+    def vague(self, role: str, column: Column) -> bool:
+        """Whether a name may mean strain or length, or is but a letter."""
+        place, name = rank(role, column.plain), column.plain
+        if role == "strain":
+            return place in (2, 4)
+        if role == "displacement":
+            last = place == len(ROLES[role]) - 1
+            return last or len(name) == 1 or STRETCH.search(name) is not None
+        return role == "stress" and len(name) == 1
+
+    def implied(self, i: int, role: str, text: str) -> Unit | None:
+        """The unit that a name and its values have, where none is written.
+
+        Clocks, counts since an epoch, stretch ratios, and the grams of a scale.
+        """
+        column = self.table.columns[i]
+        if role == "time":
+            if is_clock(self.table.cells(i)):
+                return Unit("time", 1.0)
+            if not text:
+                values, _ = numbers(self.table, i, self.decimal, skip_bad=True)
+                epoch = since_an_epoch(values)
+                return None if epoch is None else Unit("time", epoch[0])
+        if role == "force" and text.casefold() in WEIGHTS:
+            return parse_unit(WEIGHTS[text.casefold()])
+        if role == "strain" and STRETCH.search(column.plain):
+            plain_unit = parse_unit(text)
+            if not text or (plain_unit is not None and plain_unit.dimension == role):
+                factor = 1.0 if plain_unit is None else plain_unit.factor
+                values, _ = numbers(self.table, i, self.decimal, skip_bad=True)
+                ratio = start(values) * factor > 0.5
+                return Unit("strain", factor, -1.0 if ratio else 0.0)
+        return None
+
     def refuse(self, column: Column, role: str) -> None:
         text = self.unit_of(column, role)
-        said = f"has the unit {text!r}, unknown here" if text else "has no unit"
-        raise InputError(
-            f"column {column.name!r} {said}; give it with "
-            f"--unit '{column.name}=...', one of: {known(DIMENSION[role])}"
+        raise Lacking(
+            units={column.name: role}, unknown={column.name: text} if text else None
         )
 
     def unit_of(self, column: Column, role: str) -> str:
-        units = self.options.units
-        return units.get(column.name) or units.get(role) or column.unit
+        return self.given_unit(column) or self.options.units.get(role) or column.unit
+
+    def given_unit(self, column: Column) -> str:
+        """The unit that the user gave for this column by its name, "" for none."""
+        for name, unit in self.options.units.items():
+            if name in (column.name, str(column)) or plain(name) == column.plain:
+                return unit
+        return ""
 
     @property
     def fractions(self) -> bool:
@@ -139,11 +202,14 @@ class Chosen:
             return None
         i, unit = found
         column = self.table.columns[i]
+        if role == "time" and is_clock(self.table.cells(i)):
+            self.used[label or role] = str(column)
+            return self.clocked(i, column)
         values, bad = numbers(self.table, i, self.decimal, self.options.skip_bad_cells)
         if bad:
             self.notes.append(f"{bad} cells of {column.name!r} are no numbers: missing")
         infinite = ~np.isfinite(values) & ~np.isnan(values)
-        huge = infinite | (np.abs(values) > 1e15)
+        huge = infinite | (np.abs(values) > (1e19 if role == "time" else 1e15))
         if huge.any():
             k = int(huge.argmax())
             raise InputError(
@@ -152,22 +218,42 @@ class Chosen:
                 row=int(self.table.lines[k]),
                 column=column.name,
             )
+        self.cells[i] = values
+        epoch = since_an_epoch(values) if role == "time" else None
+        if epoch is not None:
+            # Before the factor: nanoseconds since 1970 leave no digits for the rest.
+            values = values - values[np.isfinite(values)][0]
+            text = self.unit_of(column, role)
+            how = text or epoch[1]
+            self.notes.append(f"{column.name!r} is {how}; time begins at the first row")
         values = values * unit.factor + unit.offset
-        shown = str(replace(column, unit=self.unit_of(column, role)))
+        text = self.unit_of(column, role)
+        shown = str(replace(column, unit=text))
         self.used[label or role] = shown
+        if role == "strain" and unit.offset == -1:
+            self.notes.append(f"{column.name!r} is a stretch ratio: 1 subtracted")
+        if role == "force" and text.casefold() in WEIGHTS:
+            self.notes.append(
+                f"{column.name!r} in {text} is taken as {WEIGHTS[text.casefold()]}"
+            )
         if role == "displacement" and ABSOLUTE.search(column.plain):
-            first = values[np.isfinite(values)][:1]
             if HEIGHT.search(column.plain):
-                values = self.height(values, first, column)
-            elif first.size:
+                values = self.height(values, column)
+            elif np.isfinite(values).any():
                 self.notes.append(f"zero of {column.name!r} set to its first value")
-                values = values - first[0]
+                values = values - start(values[self.first :])
         sign = -1.0 if role != "temperature" and self.flipped(column, role) else 1.0
         return sign * values
 
     def flipped(self, column: Column, role: str) -> bool:
+        """Whether the values change sign; the user may turn one axis by itself."""
         if role == "time":
             return False
+        axis = "strain" if role in ("strain", "displacement") else "stress"
+        return self.compressive(column, role) != (axis in self.options.flip)
+
+    def compressive(self, column: Column, role: str) -> bool:
+        """Whether compression counts as positive in a column."""
         if role == "displacement" and HEIGHT.search(column.plain):
             return False  # a gap that closes is compression, whatever the file counts
         return (
@@ -176,14 +262,32 @@ class Chosen:
             or COMPRESSIVE.search(column.plain) is not None
         )
 
-    def height(self, values: Array, first: Array, column: Column) -> Array:
+    def clocked(self, i: int, column: Column) -> Array:
+        """A column of times of day, in seconds since its first."""
+        try:
+            values, notes = clock(self.table.cells(i), self.unit_of(column, "time"))
+        except InputError as error:
+            row = None if error.row is None else int(self.table.lines[error.row])
+            text = str(error).replace("COLUMN", column.name)
+            if error.row is not None:
+                text = text.partition(": ")[2]
+            raise InputError(
+                text, file=self.table.where, row=row, column=column.name
+            ) from None
+        self.notes += [f"{column.name!r}: {note}" for note in notes]
+        self.cells[i] = values
+        return values
+
+    def height(self, values: Array, column: Column) -> Array:
         """A gap between plates: its change is the elongation, its start the length."""
-        if first.size and self.geometry.length_mm is None:
-            if not first[0] > 0:
-                raise InputError(
-                    f"{column.name!r} starts at {first[0]:.6g} mm, no specimen's "
-                    "height; give it with --length MM"
-                )
-            self.geometry = replace(self.geometry, length_mm=float(first[0]))
-            self.notes.append(f"length is the first {column.name!r}")
-        return values - (first[0] if first.size else 0.0)
+        first = start(values[self.first :])
+        length = self.geometry.length_mm
+        if length is not None and not 0.9 < first / length < 1.1:
+            self.notes.append(
+                f"{column.name!r} starts at {first:.4g} mm, and the length is said to "
+                f"be {length:.4g} mm"
+            )
+        if first > 0 and length is None:
+            self.geometry = replace(self.geometry, length_mm=first)
+            self.notes.append(f"length is the first {column.name!r}, {first:.6g} mm")
+        return values - first

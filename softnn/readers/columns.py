@@ -25,7 +25,8 @@ class Column:
         return plain(self.name)
 
     def __str__(self) -> str:
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
+        bare = not self.unit or self.name[:1] + self.name[-1:] in ("[]", "()")
+        return self.name if bare else f"{self.name} [{self.unit}]"
 
 
 def is_number(cell: Cell) -> bool:

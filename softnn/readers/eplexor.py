@@ -23,7 +23,7 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
-    if {"f dyn", "tan delta"} & source.names and "f" in source.names:
+    if {"f dyn", "tan delta"} & source.names and {"f", "F"} & source.names:
         raise InputError(
             "is a dynamic sweep (storage and loss modulus over frequency), no history "
             "of stress in time; export a static test, relaxation or ramp",

@@ -12,13 +12,17 @@ from softnn.contracts import Array, InputError
 from softnn.readers.source import NUMBER
 from softnn.readers.table import Table
 
+MISSING = ("nan", "-", "--", "---", "n/a", "na", "#n/a", "#n/v", "null", "none")
+FEW, MANY = 3, 0.05  # cells that may be passed over, and share of them
+
 
 def numbers(
     table: Table, index: int, decimal: str, skip_bad: bool = False
 ) -> tuple[Array, int]:
     """A column as floats, blank as NaN, and how many bad cells were skipped.
 
-    Raises `InputError`, with the row, for a cell that is no number, unless `skip_bad`.
+    Raises `InputError`, with the row, for a cell that is no number; with `skip_bad`,
+    only where more than a twentieth are none: those would be no gaps but the data.
     """
     cells = table.cells(index)
     if not any(isinstance(c, str) for c in cells):
@@ -32,27 +36,36 @@ def numbers(
             pass
     grouped_have_point = decimal in joined
     values = np.empty(len(texts))
-    bad = 0
+    bad: list[int] = []
     for k, text in enumerate(texts):
         number = _number(text, decimal, grouped_have_point)
         if number is None:
-            bad += 1
+            bad.append(k)
             number = np.nan
-            if not skip_bad:
-                mark = "comma" if decimal == "," else "point"
-                raise InputError(
-                    f"{text[:40]!r} is not a number with a decimal {mark}; repair it, "
-                    "or read such cells as missing with --skip-bad-cells",
-                    file=table.where,
-                    row=int(table.lines[k]),
-                    column=table.columns[index].name,
-                )
         values[k] = number
-    return values, bad
+    many = len(bad) > max(FEW, MANY * len(texts))
+    if bad and (many or not skip_bad):
+        mark = "comma" if decimal == "," else "point"
+        first = bad[0]
+        told = f"{texts[first][:40]!r} is not a number with a decimal {mark}"
+        if many:
+            told += (
+                f", nor are {len(bad) - 1} more of {len(texts)} cells, too many to "
+                "pass over; export the column as numbers, or name another column"
+            )
+        else:
+            told += "; repair it, or read such cells as missing with --skip-bad-cells"
+        raise InputError(
+            told,
+            file=table.where,
+            row=int(table.lines[first]),
+            column=table.columns[index].name,
+        )
+    return values, len(bad)
 
 
 def _number(text: str, decimal: str, needs_mark: bool) -> float | None:
-    if text == "" or text.casefold() in ("nan", "-", "--", "---", "n/a", "#n/a"):
+    if text == "" or text.casefold() in MISSING:
         return np.nan
     if not NUMBER.fullmatch(text):
         return None

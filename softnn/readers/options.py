@@ -16,7 +16,9 @@ class ReadOptions:
     column it gives the time too, from strain, as `interval_s` [s] between samples
     does, which also replaces a faulty clock. `time` ... `temperature` name the column
     to use; `units` gives units by column name, `{"Force": "kN"}`. `compression`: the
-    file counts compression positive. `skip_bad_cells`: cells that are no numbers are
+    file counts compression positive. `flip`: "strain" or "stress", the one whose sign
+    the file has reversed. `zero`: strain and displacement count from where
+    the recording starts. `skip_bad_cells`: cells that are no numbers are
     missing values.
     """
 
@@ -36,6 +38,8 @@ class ReadOptions:
     units: dict[str, str] = field(default_factory=dict)
     decimal: str = ""
     compression: bool = False
+    flip: str = ""
+    zero: bool = False
     skip_bad_cells: bool = False
     specimen: str = ""
     material: str = ""
@@ -51,6 +55,9 @@ class ReadOptions:
                     )
         if self.decimal not in ("", ".", ","):
             raise InputError(f"decimal is {self.decimal!r}; allowed is '.' or ','")
+
+        if self.flip not in ("", "strain", "stress"):
+            raise InputError(f"flip is {self.flip!r}; allowed: 'strain', 'stress'")
 
     @property
     def has_area(self) -> bool:

@@ -19,6 +19,7 @@ from functools import cached_property
 from pathlib import Path
 
 from softnn.contracts import InputError
+from softnn.readers.lacking import NoRecording
 from softnn.readers.vocabulary import ROLES, plain
 
 MAX_BYTES = 100_000_000  # 2 million rows of text; one test is rarely a tenth of it
@@ -65,7 +66,7 @@ class Source:
     @cached_property
     def text(self) -> str:
         """The text of a text file; raises `InputError` for a binary one."""
-        return decode(self.raw, self.path)
+        return typed(decode(self.raw, self.path))
 
     @cached_property
     def head(self) -> str:
@@ -137,8 +138,44 @@ def open_source(path: Path) -> Source:
                 f"unpacks to over {MAX_BYTES // 10**6} MB; split it", file=path
             )
     if not raw.strip(b"\x00 \t\r\n"):
-        raise InputError("no rows; the file is empty", file=path)
+        raise NoRecording("no rows; the file is empty", file=path)
     return Source(path, raw)
+
+
+# Minus signs and dashes of word processors in front of a number, and what parts its
+# thousands where neither a point nor a comma does.
+_DASH = re.compile(r"[\u2010-\u2015\u2212\ufe58\ufe63\uff0d](?=[\d.,])")
+_THOUSANDS = re.compile(r"(?<=\d)['\u2019\u00a0\u202f\u2009](?=\d{3}(?!\d))")
+
+
+def typed(text: str) -> str:
+    """The text with numbers as a keyboard has them.
+
+    >>> typed("\u22121.5;1\u202f234,5;12'000")
+    '-1.5;1234,5;12000'
+    """
+    if text.isascii() and "'" not in text:
+        return text
+    return _THOUSANDS.sub("", _DASH.sub("-", text))
+
+
+def _without_nul(raw: bytes, path: Path) -> bytes:
+    """The bytes without NULs at the ends of texts; those between numbers are damage."""
+    raw = raw.rstrip(b"\x00")  # a logger that had reserved the space
+    if b"\x00" not in raw:
+        return raw
+    for number, line in enumerate(raw.split(b"\n"), start=1):
+        if b"\x00" not in line:
+            continue
+        cells = re.split(rb"[,;\t\s\x00]+", line)
+        if sum(re.fullmatch(rb"[-+]?\d[\d.,eE+-]*", c) is not None for c in cells) > 1:
+            raise InputError(
+                "has NUL bytes between its numbers: damaged; copy the file again from "
+                "the machine",
+                file=path,
+                row=number,
+            )
+    return raw.replace(b"\x00", b"")
 
 
 def decode(raw: bytes, path: Path) -> str:
@@ -156,21 +193,15 @@ def decode(raw: bytes, path: Path) -> str:
         if "\x00" not in text and sum(c > "\u2fff" for c in text[:64]) < 16:
             return text
     if len(_BINARY.findall(start)) > len(start) // 100 + 4:
-        raise InputError(
+        raise NoRecording(
             "is not text and no Excel workbook; export it as CSV or text", file=path
         )
-    if b"\x00" in raw:
-        raise InputError(
-            "has NUL bytes between its text: damaged, or of two encodings; export it "
-            "again",
-            file=path,
-            row=raw[: raw.index(b"\x00")].count(b"\n") + 1,
-        )
+    raw = _without_nul(raw, path)
     if start.lstrip()[:5].lower() in (b"<html", b"<?xml", b"<!doc") or start[:4] in (
         b"%PDF",
         b"{\\rt",
     ):
-        raise InputError(
+        raise NoRecording(
             "is a web page, XML, PDF or RTF document, whatever its name says; "
             "export it as CSV or text",
             file=path,
@@ -227,7 +258,7 @@ def sniff_delimiter(lines: list[str], path: Path) -> str:
         if score > best + 1e-9:
             best, chosen = score, delimiter
     if not chosen:
-        raise InputError(
+        raise NoRecording(
             "no table of numbers in it; expected are columns of time, force or stress, "
             "and displacement or strain",
             file=path,
@@ -276,7 +307,7 @@ def _cell(value: object) -> Cell:
     if value is None:
         return ""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value).strip()
+        return typed(str(value).strip())
     return float(value)
 
 
@@ -285,6 +316,19 @@ def _damaged(path: Path) -> InputError:
         "damaged, or not an Excel workbook; open it in Excel and save the sheet as CSV",
         file=path,
     )
+
+
+def _dated(value: object, kind: int, mode: int) -> object:
+    """A cell of an .xls file that is a date or a time of day, as one."""
+    import xlrd
+
+    if kind != xlrd.XL_CELL_DATE or not isinstance(value, float):
+        return value
+    try:
+        when = xlrd.xldate_as_datetime(value, mode)
+    except (ValueError, xlrd.XLDateError):
+        return value
+    return when.time() if value < 1 else when
 
 
 def _xls_sheets(raw: bytes, path: Path) -> list[Sheet]:
@@ -297,7 +341,14 @@ def _xls_sheets(raw: bytes, path: Path) -> list[Sheet]:
         sheets = []
         for sheet in book.sheets():
             rows = [
-                [_cell(c) for c in sheet.row_values(i)[:MAX_COLUMNS]]
+                [
+                    _cell(_dated(c, kind, book.datemode))
+                    for c, kind in zip(
+                        sheet.row_values(i)[:MAX_COLUMNS],
+                        sheet.row_types(i),
+                        strict=False,
+                    )
+                ]
                 for i in range(sheet.nrows)
             ]
             sheets.append(Sheet(str(sheet.name), rows))
@@ -314,7 +365,7 @@ def _xlsx_sheets(raw: bytes, path: Path) -> list[Sheet]:
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             members = archive.infolist()
             if not any(m.filename.lower() == "xl/workbook.xml" for m in members):
-                raise InputError(
+                raise NoRecording(
                     "is a zip archive and no Excel workbook; unpack it first", file=path
                 )
             if sum(m.file_size for m in members) > MAX_WORKBOOK_BYTES:

@@ -20,7 +20,12 @@ from softnn.readers.vocabulary import plain, rank
 
 @dataclass(frozen=True)
 class Table:
-    """One block of numbers. `lines[i]` is the file's line of row i, from 1."""
+    """One block of numbers. `lines[i]` is the file's line of row i, from 1.
+
+    `bad` says of lines that fit no column why; `short` holds rows that lack cells at
+    their end, with how many they have: whether that matters is known once the columns
+    are chosen.
+    """
 
     file: Path
     columns: tuple[Column, ...]
@@ -30,6 +35,15 @@ class Table:
     label: str = ""
     sheet: str = ""
     notes: tuple[str, ...] = ()
+    bad: tuple[tuple[int, str], ...] = ()
+    short: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def nameless(self) -> bool:
+        """Whether its columns have units in place of names."""
+        return 3 * sum(bool(bare_unit(c.name)) for c in self.columns) >= max(
+            2 * len(self.columns), 6
+        )
 
     @property
     def where(self) -> str:
@@ -53,7 +67,9 @@ def _strip_end(row: Sequence[Cell]) -> list[Cell]:
 def _is_data(row: Sequence[Cell]) -> bool:
     filled = _filled(row)
     numbers = sum(map(is_number, filled))
-    return numbers >= 2 and 2 * numbers >= len(filled)
+    # `Interval and data points: 1 451` counts rows and is none.
+    told = isinstance(filled[0], str) and filled[0].endswith(":") if filled else False
+    return numbers >= 2 and 2 * numbers >= len(filled) and not told
 
 
 def _is_units(row: Sequence[Cell]) -> bool:
@@ -68,6 +84,9 @@ def _is_units(row: Sequence[Cell]) -> bool:
 
 def _columns(names: Sequence[Cell], units: Sequence[Cell] | None) -> tuple[Column, ...]:
     if units is None:
+        only = [bare_unit(str(n)) for n in names]
+        if len(only) > 2 and 3 * sum(map(bool, only)) >= 2 * len(only):
+            return tuple(Column(str(n), u) for n, u in zip(names, only, strict=True))
         return tuple(split_name(str(n)) for n in names)
     pairs = []
     for i, name in enumerate(names):
@@ -76,11 +95,56 @@ def _columns(names: Sequence[Cell], units: Sequence[Cell] | None) -> tuple[Colum
     return tuple(pairs)
 
 
+def bare_unit(text: str) -> str:
+    """The unit in a name that is nothing else, "" for any other name.
+
+    >>> bare_unit("[N/mm**2]"), bare_unit("[%-ext]"), bare_unit("Force"), bare_unit("s")
+    ('N/mm2', '%', '', '')
+    """
+    text = text.strip()
+    if not text or (text[0] + text[-1] not in ("[]", "()") and text[-1] not in "])"):
+        return ""
+    unit = re.sub(r"^%[-_ ]?[A-Za-z]+$", "%", unit_text(text.strip("[]() ")))
+    return unit if parse_unit(unit) else ""
+
+
+def _usual_width(grid: Grid, i: int) -> int:
+    """How many cells the rows from i on have, most of them."""
+    widths = [len(_strip_end(row)) for row in grid[i : i + 7] if row and _is_data(row)]
+    return max(set(widths), key=lambda w: (widths.count(w), w))
+
+
+def _fitted(cells: Sequence[Cell], width: int, unitless: bool) -> list[Cell]:
+    """Names or units cut into as many cells as the rows have, where they can be.
+
+    Where two delimiters stand between them, more than one space, or the delimiter is
+    within a name (`Force, N, Time, s`).
+    """
+    cells = _strip_end(cells)
+    filled = _filled(cells)
+    if len(cells) == width or not filled or not any(
+        isinstance(c, str) for c in filled
+    ):  # fmt: skip
+        return cells
+    if len(filled) == width:
+        return filled
+    apart = [part for c in filled for part in re.split(r"\s{2,}|\t", str(c)) if part]
+    if len(apart) == width:
+        return list(apart)
+    merged: list[Cell] = []
+    for cell in cells if unitless else []:
+        unit = parse_unit(str(cell)) is not None and not is_number(cell)
+        if unit and merged and not split_name(str(merged[-1])).unit:
+            merged[-1] = f"{merged[-1]} [{unit_text(str(cell))}]"
+        else:
+            merged.append(cell)
+    return merged if len(merged) == width else cells
+
+
 def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
     """Every block of numbers in the grid, each with the lines above it as header.
 
-    In a text file (`sheet` is ""), a row with too few cells is an error, since the
-    missing one could be any; but specimens side by side may end one by one.
+    Rows with too many or too few cells are told in the table (`bad`, `short`).
     """
     ragged = bool(sheet)  # worksheets end rows at the last filled cell
     tables: list[Table] = []
@@ -94,7 +158,8 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
             names_at, units_at = _names_above(grid, head)
         if names_at is None:
             bare = bare + 1 if _is_data(row) and len(_filled(row)) > 1 else 0
-            if bare == 5:
+            known = tables and len(_filled(row)) != len(tables[-1].columns)
+            if bare == 5 and not known:
                 raise InputError(
                     "numbers without column names above them; add a header such as "
                     "time_s,strain,stress_MPa, or mend the row before them",
@@ -106,9 +171,30 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
             i += 1
             continue
         bare = 0
-        names = _strip_end(grid[names_at])
+        usual = _usual_width(grid, i)
         units = grid[units_at] if units_at is not None else None
+        names = _fitted(grid[names_at], usual, units is None)
         raw = len(grid[names_at])  # with the empty cells of trailing delimiters
+        if len(names) != len(_strip_end(grid[names_at])):
+            raw = len(names)
+            units = None if units is None else _fitted(units, usual, False)
+        if len(_strip_end(row)) > len(names) and usual <= len(names):
+            following = grid[i + 1] if i + 1 < len(grid) else []
+            if not _is_data(following):
+                head.append(i)  # a line that counts or sums up
+                i += 1
+                continue
+        if usual > len(names):
+            if not _is_data(grid[i + 1] if i + 1 < len(grid) else []):
+                head.append(i)
+                i += 1
+                continue
+            raise InputError(
+                f"{usual} values under {len(names)} column names "
+                f"({', '.join(str(n) for n in names)[:80]}); name every column there",
+                file=file,
+                row=names_at + 1,
+            )
         if units is not None and (
             len(_strip_end(units)) > len(names) or (not sheet and len(units) != raw)
         ):
@@ -117,7 +203,8 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
                 file=file,
                 row=names_at + 1,
             )
-        end, rows, lines, notes = _block(grid, i, names, file, ragged)
+        block = _block(grid, i, names, ragged)
+        rows, lines = block.rows, block.lines
         if not ragged and all(len(r) < raw and r[-1] == "" for r in rows):
             raise InputError(
                 f"a column is missing in the rows: {raw} cells in the header, "
@@ -138,23 +225,52 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
             entries([grid[k] for k in above]),
             label,
             sheet,
-            notes,
+            tuple(block.notes),
+            tuple(block.bad),
+            tuple(block.short),
         )
         title = grid[above[-1]] if above and above[-1] == names_at - 1 else []
         tables += _side_by_side(table, title)
         head = []
-        i = end
+        i = block.end
+    if tables and head:
+        text = " ".join(map(str, _filled(grid[head[0]])))[:40]
+        note = (
+            f"{len(head)} lines after the data, from row {head[0] + 1} on ({text!r}), "
+            "are left out"
+        )
+        tables[-1] = replace(tables[-1], notes=(*tables[-1].notes, note))
     return tables
 
 
 def _names_above(grid: Grid, head: list[int]) -> tuple[int | None, int | None]:
-    """Rows of names and of units above a block; None where there is none."""
-    below = head[-1] if head else None
-    if below is None:
+    """Rows of names and of units above a block; None where there is none.
+
+    Units may stand in several rows; the row with the most of them counts.
+    """
+    # Only the last lines: a file without names would be gone through for every row.
+    left = [k for k in head[-12:] if not _is_ruler(grid[k])]
+    if not left:
         return None, None
-    if len(head) > 1 and _is_units(grid[below]) and _is_names(grid[head[-2]]):
-        return head[-2], below
+    below = left[-1]
+    units = []
+    while len(left) > 1 and _is_units(grid[left[-1]]):
+        units.append(left.pop())
+    if units and _is_names(grid[left[-1]]):
+        return left[-1], max(units, key=lambda k: _known(grid[k]))
     return (below, None) if _is_names(grid[below]) else (None, None)
+
+
+def _is_ruler(row: Sequence[Cell]) -> bool:
+    """A line drawn of dashes or the like."""
+    return all(
+        isinstance(c, str) and not re.search(r"[\w%]", c) and len(c) > 1
+        for c in _filled(row)
+    )
+
+
+def _known(row: Sequence[Cell]) -> int:
+    return sum(parse_unit(str(c)) is not None for c in _filled(row))
 
 
 def _is_names(row: Sequence[Cell]) -> bool:
@@ -163,14 +279,24 @@ def _is_names(row: Sequence[Cell]) -> bool:
     return len(words) >= 2 and 2 * len(words) > len(filled)
 
 
-def _block(
-    grid: Grid, start: int, names: list[Cell], file: Path, ragged: bool
-) -> tuple[int, list[list[Cell]], list[int], tuple[str, ...]]:
+@dataclass
+class _Block:
+    """Rows of one table as they are collected."""
+
+    end: int
+    rows: list[list[Cell]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    bad: list[tuple[int, str]] = field(default_factory=list)
+    short: list[tuple[int, int]] = field(default_factory=list)
+
+
+def _block(grid: Grid, start: int, names: list[Cell], ragged: bool) -> _Block:
     """The rows from `start` on, up to a blank stretch, a footer or the next header."""
-    rows: list[list[Cell]] = []
-    lines: list[int] = []
-    notes: tuple[str, ...] = ()
+    block = _Block(start)
+    rows, lines = block.rows, block.lines
     probe = next(k for k, c in enumerate(grid[start]) if c != "" and is_number(c))
+    last = _last_data(grid, probe)
     i = start
     while i < len(grid):
         row = grid[i]
@@ -184,57 +310,87 @@ def _block(
             filled = _filled(row)
             if not filled:
                 # Blank rows between rows of the same table: a doubled line end.
-                following = next(
-                    (k for k in range(i, min(i + 4, len(grid))) if _filled(grid[k])),
-                    None,
-                )
+                following = _next_filled(grid, i)
                 if following is not None and _is_data(grid[following]):
                     i = following
                     continue
-                break
-            if not any(map(is_number, filled)):
                 break
             if _is_names(row) or (
                 ":" in str(filled[0]) and i + 1 < len(grid) and not _is_data(row)
             ):
                 break
+            if not any(map(is_number, filled)):
+                following = _next_filled(grid, i + 1)
+                if following is None or not (
+                    _is_data(grid[following])
+                    and len(_strip_end(grid[following])) == len(_strip_end(rows[-1]))
+                ):
+                    break
+                text = " ".join(map(str, filled))[:40]
+                block.notes.append(f"row {i + 1}, {text!r}, is no data: passed over")
+                i = following
+                continue
+            if i > last and rows:  # sums and means below the data
+                text = " ".join(map(str, filled))[:40]
+                block.notes.append(
+                    f"from row {i + 1} on, {text!r}, no data follow: left out"
+                )
+                break
         rows.append(row)
         lines.append(i + 1)
         i += 1
-    usual, width = len(rows[0]), len(names)
+    block.end = i
+    _check_widths(block, names, ragged)
+    if i == len(grid) and len(rows) > 1 and _cut_off(rows):
+        block.rows, block.lines = rows[:-1], lines[:-1]
+        block.short = [s for s in block.short if s[0] < len(block.rows)]
+        block.notes.append(f"row {i}, the last, may be cut off and is left out")
+    return block
+
+
+def _next_filled(grid: Grid, i: int) -> int | None:
+    return next((k for k in range(i, min(i + 4, len(grid))) if _filled(grid[k])), None)
+
+
+def _last_data(grid: Grid, probe: int) -> int:
+    """The last row of the grid with a number where the rows of a block have one."""
+    for k in range(len(grid) - 1, -1, -1):
+        row = grid[k]
+        if probe < len(row) and row[probe] != "" and is_number(row[probe]):
+            if _is_data(row):
+                return k
+    return -1
+
+
+def _check_widths(block: _Block, names: list[Cell], ragged: bool) -> None:
+    """Take out rows that have too many cells; mark those that have too few."""
+    usual, width = len(block.rows[0]), len(names)
     clocks = _clocks([plain(str(name)) for name in names])
-    for k, row in enumerate(rows):
+    rows, lines, short = [], [], []
+    for k, row in enumerate(block.rows):
+        line = block.lines[k]
         if len(row) == usual == width:
+            rows.append(row)
+            lines.append(line)
             continue
+        count = len(_strip_end(row))
         if not ragged and len(row) < usual and row and row[-1] == "":
             # One cell less, made up for by the delimiter every row ends with.
-            raise InputError(
-                f"{len(row)} cells, the last empty, where other rows have {usual}; "
-                "repair the row",
-                file=file,
-                row=lines[k],
-            )
-        count = len(_strip_end(row))
-        if count > width:
-            raise InputError(
-                f"{count} values under {width} column names; repair the row",
-                file=file,
-                row=lines[k],
-            )
-        if len(row) < width and not (ragged or len(row) in clocks[1:]):
-            if k and k == len(rows) - 1:
-                rows, lines = rows[:-1], lines[:-1]
-                notes = (f"row {i}, the last, is cut off and left out",)
-                break
-            raise InputError(
-                f"{len(row)} values under {width} column names; repair the row",
-                file=file,
-                row=lines[k],
-            )
-    if i == len(grid) and len(rows) > 1 and _cut_off(rows):
-        rows, lines = rows[:-1], lines[:-1]
-        notes = (*notes, f"row {i}, the last, may be cut off and is left out")
-    return i, rows, lines, notes
+            told = f"{len(row)} cells, the last empty, where other rows have {usual}"
+            block.bad.append((line, told))
+        elif count > width:
+            block.bad.append((line, f"{count} values under {width} column names"))
+        elif len(row) < width and not (ragged or len(row) in clocks[1:]):
+            if k and k == len(block.rows) - 1 and len(row) < usual:
+                block.notes.append(f"row {line}, the last, is cut off and left out")
+                continue
+            short.append((len(rows), len(row)))
+            rows.append(row)
+            lines.append(line)
+        else:
+            rows.append(row)
+            lines.append(line)
+    block.rows[:], block.lines[:], block.short = rows, lines, short
 
 
 def _cut_off(rows: list[list[Cell]]) -> bool:
@@ -270,6 +426,12 @@ def _side_by_side(table: Table, title: Sequence[Cell]) -> list[Table]:
                 rows=[rows[k] for k in keep],
                 lines=table.lines[keep],
                 label=label,
+                short=tuple(
+                    (new, len(table.rows[k]) - left)
+                    for new, k in enumerate(keep)
+                    if left < len(table.rows[k]) < right
+                ),
+                bad=table.bad if left == 0 else (),
                 header=() if title and label else table.header,
             )
         )

@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 
 from softnn.contracts import InputError
+from softnn.json_file import write_text
 from softnn.recording import Recording, check_columns, columns_of
 
 MAX_BYTES = 500_000_000  # 10 million samples; anything larger is not one test
@@ -132,10 +133,31 @@ def write_index(folder: Path, recordings: Mapping[str, Recording]) -> None:
         about = {k: getattr(one, k) for k in ("specimen", "material", "test")}
         rows[name] = {"file": name, **about, "rate_per_s": rate}
     columns = list(dict.fromkeys(c for r in rows.values() for c in r))
-    with index.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, restval="")
-        writer.writeheader()
-        writer.writerows(rows.values())
+    out = io.StringIO(newline="")
+    writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows.values())
+    write_text(index, out.getvalue())
+
+
+def write_table(path: Path, columns: Mapping[str, Any]) -> None:
+    """Write columns as CSV: time so that it reads back exactly, the rest in 9 digits.
+
+    The file is whole or not there. Raises `InputError` where it cannot be written.
+    """
+    frame = pd.DataFrame(columns)
+    # Nine digits are below the noise of any machine, but not of a clock: seconds since
+    # 1970 have ten before the point.
+    frame["time_s"] = [repr(float(t)).removesuffix(".0") for t in frame["time_s"]]
+    text = frame.to_csv(index=False, float_format="%.9g", lineterminator="\n")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_symlink():  # a link in the folder may lead out of it
+            raise InputError("is a link; remove it or name another --out", file=path)
+        write_text(path, text)
+    except OSError as error:
+        reason = error.strerror or error
+        raise InputError(f"cannot be written: {reason}", file=path) from None
 
 
 def read_tidy(path: str | Path, **about: object) -> Recording:
@@ -165,6 +187,14 @@ def table(path: Path) -> pd.DataFrame:
         frame = pd.read_csv(io.StringIO(text), skip_blank_lines=False)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
         raise _unreadable(path, text, error) from None
+    if not isinstance(frame.index, pd.RangeIndex):  # more cells than names
+        count = len(frame.columns) + frame.index.nlevels
+        raise InputError(
+            f"{count} values under {len(frame.columns)} column names; with a decimal "
+            "comma, export it with another delimiter, such as a semicolon",
+            file=path,
+            row=2,
+        )
     frame.columns = [str(c).strip() for c in frame.columns]
     # Trailing blank lines are how some editors end a file, not samples.
     while len(frame) and frame.iloc[-1].isna().all():

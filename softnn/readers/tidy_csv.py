@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from softnn.axes import axes_of
-from softnn.readers.options import ReadOptions
+from softnn.readers.assemble import read_source
+from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.tidy import read_tidy
 from softnn.recording import Recording, Step
@@ -20,6 +21,8 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
+    if _changed(source, options):
+        return read_source(source, Rules(NAME), options)
     about = {"specimen": options.specimen, "material": options.material}
     about["test"] = options.test
     recording = read_tidy(source.path, **about, rate_per_s=options.rate_per_s)
@@ -32,3 +35,23 @@ def read(source: Source, options: ReadOptions) -> list[Recording]:
             log=(Step("read", arguments), *recording.log),
         )
     ]
+
+
+def _changed(source: Source, options: ReadOptions) -> bool:
+    """Whether the user says of its columns what the file does not."""
+    names = source.head.split("\n", 1)[0].split(",")
+    axes = axes_of([name.strip("\ufeff\r ") for name in names])
+    made = axes is not None and axes.component
+    sizes = made and (options.has_area or options.length_mm is not None)
+    roles = ("time", "force", "displacement", "strain", "stress", "temperature")
+    return bool(
+        sizes
+        or options.units
+        or options.decimal == ","
+        or options.compression
+        or options.zero
+        or options.flip
+        or options.skip_bad_cells
+        or options.interval_s is not None
+        or any(getattr(options, role) for role in roles)
+    )

@@ -122,6 +122,7 @@ def one_test(
     clock = next((c for c in shared if c.plain in ("time", "test time")), None)
     own = next((c for c in shared if STEP_CLOCK.search(c.plain)), None)
     rows: list = []
+    short: list[tuple[int, int]] = []
     offset = 0.0
     for table in tests:
         order = [table.columns.index(c) for c in shared]
@@ -129,6 +130,9 @@ def one_test(
         if clock is None and own is not None and len(tests) > 1:
             shift = shared.index(own)
             time, _ = numbers(table, table.columns.index(own), decimal)
+        for k, count in table.short:
+            lacks = (j for j, i in enumerate(order) if i >= count)
+            short.append((len(rows) + k, next(lacks, len(order))))
         for k, row in enumerate(table.rows):
             picked = [row[i] if i < len(row) else "" for i in order]
             if shift is not None:
@@ -150,6 +154,8 @@ def one_test(
         columns=tuple(shared),
         rows=rows,
         lines=np.concatenate([t.lines for t in tests]),
+        short=tuple(short),
+        bad=tuple(bad for t in tests for bad in t.bad),
         notes=tuple(notes),
         label="",
         sheet="" if len(tests) > 1 else tests[0].sheet,

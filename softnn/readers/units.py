@@ -36,7 +36,8 @@ _TABLE: dict[str, dict[str, float]] = {
         **dict.fromkeys(("ms", "msec"), 1e-3),
         "us": 1e-6,
         **dict.fromkeys(("min", "mins", "min.", "minute", "minutes"), 60.0),
-        **dict.fromkeys(("h", "hr", "hrs", "hour", "hours"), 3600.0),
+        **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std"), 3600.0),
+        **dict.fromkeys(("d", "day", "days"), 86400.0),
     },
     "force": {
         **dict.fromkeys(("N", "newton", "newtons", "\u725b"), 1.0),
@@ -51,6 +52,7 @@ _TABLE: dict[str, dict[str, float]] = {
         "klbf": _POUND * 1e3,
         "kip": _POUND * 1e3,
         "ozf": _POUND / 16,
+        "dyn": 1e-5,
     },
     "length": {
         **dict.fromkeys(("mm", "\u6beb\u7c73"), 1.0),
@@ -120,6 +122,10 @@ _EXACT = {
         ("degF", "F", "fahrenheit"), Unit("temperature", 5 / 9, -32 * 5 / 9)
     ),
 }
+# A stretch ratio: 1 where the specimen is not strained.
+_EXACT["stretch"] = Unit("strain", 1.0, -1.0)
+# A scale shows grams where it means their weight.
+WEIGHTS = {"g": "gf", "gr": "gf", "gram": "gf", "grams": "gf", "kg": "kgf"}
 # Case matters for mN (MN is mega) and nm (Nm is a torque).
 _FOLDED = {t.casefold(): u for t, u in _EXACT.items() if t not in ("mN", "nm")}
 
@@ -172,8 +178,11 @@ def convert(value: float, text: str, dimension: str, what: str) -> float:
 
 def known(dimension: str) -> str:
     """The units of a dimension, for an error message."""
-    names = [t for t, u in _EXACT.items() if u.dimension == dimension and t.isascii()]
-    return ", ".join(names[:16])
+    names: dict[tuple[float, float], str] = {}  # one of each size, the first
+    for text, unit in _EXACT.items():
+        if unit.dimension == dimension and text.isascii():
+            names.setdefault((unit.factor, unit.offset), text)
+    return ", ".join(names.values())
 
 
 def repair(text: str) -> str:

@@ -14,39 +14,67 @@ from softnn.readers.units import repair
 
 # Columns that carry one of the words below but are another quantity.
 _NOT = re.compile(
-    r"\b(rates?|speed|counts?|cycles?|number|nr|max(imum)?|min(imum)?|mean|torque|"
-    r"rotation|rotary|width|lateral|transverse|quer\w*|breiten\w*|largeur|date|datum|"
-    r"clock|uhrzeit|set ?point|command|target|soll\w*|error|modul\w*|energy|work|"
+    r"\b(rates?|speed|velocity|counts?|cycles?|number|nr|max(imum)?|min(imum)?|mean|"
+    r"torque|simulat\w*|predict\w*|fit(ted)?|"
+    r"rotation|rotary|width|lateral|transverse|quer\w*|breiten\w*|largeur|"
+    r"^dat(e|um)$|set ?point|command|target|soll\w*|error|modul\w*|energy|work|"
     r"power|video time|dyn|cont|preload|vorkraft|tenacity|index|marker|encoder|"
-    r"frequency|phase|pip|day|remaining|load cell|oscillation|amplitude|final|"
+    r"frequency|phase|pip|day|remaining|load cell (?!\d)\w+|oscillation|amplitude|"
+    r"final|"
     r"bruch|break|area|flow|at|yield|peak|offset)\b"
+)
+
+# The size of the specimen itself, or of what holds it, as it is at each moment.
+_HEIGHTS = (
+    r"^(gap|size|height|hohe|hauteur|altura|altezza|thickness|dicke|length|lange)$|"
+    r"^[hlHL]$|"
+    r"\b(specimen|sample|current|actual|instantaneous|proben\w*) ?"
+    r"(length|height|thickness|hohe|lange|dicke)\b|\bproben(hohe|lange|dicke)\b|"
+    r"\b(grips?|jaws?|clamps?|plates?|platens?)( to \w+)? (separation|distance|gap)\b|"
+    r"\b(separation|gap) (of|between)\b"
+)
+# A ratio of lengths, 1 where the specimen is not strained.
+_STRETCH = (
+    r"\b(stretch|lambda|streckung|verstreckung|etirement)\b|^\u03bb|^l l0$|"
+    r"\b(extension|elongation|deformation|draw|stretch\w*) ratio\b|"
+    r"\b(dehnungs|streck)verhaltnis\b"
 )
 
 # role -> patterns, most wanted first. \u escapes are Chinese and Japanese words.
 _ROLES = {
     "time": (
         r"^(total|test|elapsed|running|run|global)? ?time\b(?!.*\bof\b)|"
-        r"\b(pru?e?f|versuchs|mess|test|gesamt)?zeit\b|^(sec|seconds|t)$|"
+        r"\b(pru?e?f|versuchs|mess|test|gesamt)?zeit\b|^(sec|secs|seconds|s|t)$|"
         r"\b(temps|duree|tiempo|tempo)\b|"
         "\u65f6\u95f4|\u6642\u9593",
         r"\bstep time\b|\bsegment time\b",
+        r"\btime ?stamp\b|\bzeitstempel\b|\bdate ?time\b|\bdatum ?\w* zeit\b|"
+        r"\b(horodatage|epoch|uhrzeit|heure|hora|ora)\b|^clock$|^T$|"
+        "\u65f6\u523b|\u6642\u523b",
     ),
     "force": (
         r"\b(standard ?)?(force|kraft|standardkraft|pru?e?fkraft|zugkraft)\b|"
-        r"\b(load|last|charge|effort|fuerza|carga|forza|carico)\b|^f( stat)?$|"
+        r"\b(load|last|charge|effort|fuerza|carga|forza|carico)\b|^[fF]( stat)?$|"
         "(?<![\u5e94\u61c9\u5fdc\u538b])\u529b|\u8f7d\u8377|\u8377\u91cd|\u8d1f\u8377",
+        r"^f ?(n|x|y|z|ax|axial|normal)\b|^[Pp]$|^(load ?cell|loadcell|lc)( ?\d)?$",
+        r"^(weight|gewicht|mass|masse|poids|peso)$",
     ),
     "stress": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstress\b",
-        r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensione?|sigma)\b|"
-        "[\u5e94\u61c9\u5fdc]\u529b",
+        r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensione?|sigma|"
+        r"pk ?1)\b|"
+        "\u03c3|[\u5e94\u61c9\u5fdc]\u529b",
+        r"^[PpSs]( ?1?1)?$",
     ),
     "strain": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstrain\b",
-        r"\b(strain|dehnung|stauchung|verformung|deform\w*|epsilon)\b|"
+        r"\b(strain|dehnung|stauchung|verformung|deform\w*|epsilon|eps)\b|"
+        "^\u03b5|"
         "[\u5e94\u61c9]\u53d8|\u3072\u305a\u307f|\u6b6a\u307f",
         r"\b(elongation|allongement|extension|alargamiento|allungamento|ave)\b|"
         r"\b(\w*verlangerung|estensione)\b|\u4f38\u957f|\u5ef6\u4f38",
+        _STRETCH,
+        r"^e$",
     ),
     "displacement": (
         r"\b(standardweg|standard travel|course standard|recorrido estandar)\b",
@@ -57,9 +85,12 @@ _ROLES = {
         "\u4f4d\u79fb|\u884c\u7a0b|\u4f38\u957f|\u5ef6\u4f38|\u5909\u4f4d|\u30b9\u30c8\u30ed\u30fc\u30af",
         r"\bcrosshead\b(?!.*absolut)|\btravers\w*\b(?!.*absolut)",
         r"\b(position|pos|gap|size|hub|height)\b|\babsol\w*\b",
+        r"\b(distance|deflection|indentation|penetration|compression|stretch|move\w*|"
+        r"durchbiegung|eindring\w*|distanz|fleche|enfoncement)\b|^(d|u|x|z|s) ?(mm)?$",
+        _HEIGHTS,
         r"\b(capteur|dehnung|stauchung|verformung|deform\w*|extensometer|lvdt|strain)\b|\u53d8\u5f62",
     ),
-    "temperature": (r"^t$|\btemp(erat\w*)?\b|\u6e29\u5ea6",),
+    "temperature": (r"^T$|\btemp(erat\w*)?\b|\u6e29\u5ea6", r"^t$"),
 }
 ROLES = MappingProxyType(
     {role: tuple(map(re.compile, patterns)) for role, patterns in _ROLES.items()}
@@ -78,9 +109,14 @@ DIMENSION = MappingProxyType(
 # Columns whose zero is the machine's, not the specimen's.
 ABSOLUTE = re.compile(
     r"\babsol\w*\b|\bdigital position\b|^(position|pos|gap|size|height)\b|"
-    r"\bcapteur de course"
+    r"\bcapteur de course|" + _HEIGHTS
 )
-HEIGHT = re.compile(r"^(gap|size|height)\b")
+HEIGHT = re.compile(r"^(gap|size|height)\b|" + _HEIGHTS)
+STRETCH = re.compile(_STRETCH)
+REMARK = re.compile(
+    r"\b(comments?|remarks?|notes?|events?|markers?|status|kommentar|bemerkung\w*|"
+    r"commentaires?|comentarios?|commenti|message)\b"
+)
 STEP_CLOCK = re.compile(r"\b(step|segment) time\b")
 TRUE = re.compile(r"\b(true|wahre?|vraie?|verdadera?|reale?|hencky)\b|\u771f")
 COMPRESSIVE = re.compile(
@@ -155,8 +191,11 @@ def plain(name: str) -> str:
     name = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", repair(name))
     name = unicodedata.normalize("NFKD", name.replace("\u00df", "ss"))
     name = re.sub("[\u0300-\u036f]", "", name)  # accents; Japanese marks stay
+    letter = name.strip()[:1]
     name = unicodedata.normalize("NFC", name).lower()
-    return " ".join(re.sub(r"[^\w]+|_+", " ", name).split())
+    name = " ".join(re.sub(r"[^\w]+|_+", " ", name).split())
+    # A letter alone keeps its case: t is time where T is temperature.
+    return letter if len(name) == 1 and letter.casefold() == name else name
 
 
 def rank(role: str, name: str) -> int | None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from softnn.json_file import plain as in_json
+from softnn.json_file import write_text
 from softnn.report.page import VERDICTS, Found, contents
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def write_index(rows: Sequence[Mapping[str, Any]], folder: str | Path) -> Path:
 
 
 def _write(path: Path, text: str) -> Path:
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
     return path
 
 

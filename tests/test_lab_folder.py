@@ -1,0 +1,335 @@
+"""A folder as a lab has it, by command and from Python: what is asked, how often."""
+
+import json
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from lab_made import (
+    HEADER,
+    LOAD,
+    SIZES,
+    STRAIN,
+    STRESS,
+    TIDY,
+    TIME,
+    WAY,
+    WORDS,
+    written,
+)
+
+import softnn
+from softnn import progress
+from softnn.cli import main
+from softnn.contracts import InputError
+from softnn.mismatch.api import to_case
+from softnn.readers.tidy import read_tidy, write_table
+
+
+@pytest.fixture
+def lab(tmp_path):
+    """Two recordings, one in a subfolder, a copy, and what lies beside them."""
+    folder = tmp_path / "lab"
+    written(folder / "a.csv", HEADER, TIME, WAY, LOAD)
+    written(folder / "day 2" / "b.csv", HEADER, TIME, 0.8 * WAY, 0.8 * LOAD)
+    (folder / "a (copy).csv").write_bytes((folder / "a.csv").read_bytes())
+    (folder / "notes.txt").write_text("Pulled on Monday.\nHumid.\n")
+    (folder / "contacts.csv").write_text("name,mail\nAnna,a@x.org\nBob,b@x.org\n")
+    (folder / "~$x.xlsx").write_bytes(b"\x05Anna" + b" " * 60)
+    (folder / "._a.csv").write_bytes(b"\x00\x05\x16\x07Mac OS X")
+    (folder / "results.csv").write_text("Specimen,Max load (N)\n1,9.1\n2,9.3\n3,9.2\n")
+    return folder
+
+
+BESIDE = ("a (copy).csv", "notes.txt", "contacts.csv", "~$x.xlsx", "._a.csv", "results")
+
+
+def told(capsys, *words):
+    code = main([str(w) for w in words])
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+def test_strays_and_copies_are_passed_over_and_named(lab):
+    case = to_case(lab, **SIZES)
+    assert sorted(r.name for r in case.recordings) == ["a", "b"]
+    for name in BESIDE:
+        assert any(name in note for note in case.notes), name
+
+
+def test_all_sizes_are_asked_for_in_one_message_and_its_command_works(
+    lab, tmp_path, capsys
+):
+    out = tmp_path / "out"
+    words = ["diagnose", lab, "--model", "hooke", "--out", out]
+    code, _, err = told(capsys, *words)
+    assert code == 2
+    assert err.count("\n") == 1
+    typed = shlex.split(re.search(r"Type: (softnn diagnose.*?)\. Sizes", err)[1])
+    typed[typed.index("MM2")] = "18"
+    typed[typed.index("MM")] = "25"
+    code, said, err = told(capsys, *typed[1:])
+    assert code == 0
+    page = next(x for x in said.splitlines() if x.startswith("report: "))
+    assert Path(page.removeprefix("report: ")).is_file()
+    assert "2 recordings of unnamed specimens" in err
+    assert all(name in err for name in BESIDE)
+
+
+def test_sizes_of_each_specimen_come_from_the_table_that_the_command_writes(
+    lab, capsys
+):
+    code, said, _ = told(capsys, "diagnose", lab, "--template")
+    table = lab / "specimens.csv"
+    assert code == 0
+    assert str(table) in said
+    frame = pd.read_csv(table, dtype=str)
+    assert sorted(frame["file"]) == ["a.csv", "day 2/b.csv"]  # recordings, each once
+    frame["length_mm"] = ["25", "25"]
+    frame.loc[frame["file"] == "a.csv", ["specimen", "area_mm2"]] = ["A", "18"]
+    frame.loc[frame["file"] != "a.csv", ["specimen", "width_mm", "thickness_mm"]] = [
+        "B", "6", "2",
+    ]  # fmt: skip
+    frame.to_csv(table, index=False)
+    case = to_case(lab)
+    stress = {r.name: r.stress_MPa for r in case.recordings}
+    np.testing.assert_allclose(stress["a"], STRESS, atol=1e-6)
+    np.testing.assert_allclose(stress["b"], 0.8 * LOAD / 12, atol=1e-6)
+    assert case.specimen == {"a": "A", "b": "B"}
+    # A second time, what was filled in stays.
+    told(capsys, "diagnose", lab, "--template")
+    pd.testing.assert_frame_equal(pd.read_csv(table, dtype=str), frame)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("file,length_mm\nc.csv,3\n", "did you mean 'a.csv'"),
+        ("file,lenght_mm\na.csv,3\n", "did you mean 'length_mm'"),
+        ("name,length_mm\na.csv,3\n", "no column 'file'"),
+        ("file,length_mm\na.csv,-3\n", "no size"),
+        ("file;length_mm\na.csv;drei\n", "no size"),
+    ],
+)
+def test_a_table_of_sizes_that_cannot_be_is_refused_in_its_place(lab, text, said):
+    (lab / "specimens.csv").write_text(text)
+    with pytest.raises(InputError, match=said) as error:
+        to_case(lab)
+    assert "specimens.csv" in str(error.value)
+
+
+def test_what_cannot_be_read_is_said_at_once_and_the_advice_works(lab, capsys):
+    for i in (1, 2):
+        written(lab / f"bad{i}.csv", HEADER, TIME[::-1], WAY, i * LOAD)
+    with pytest.raises(InputError, match="2 of 8 files") as error:
+        to_case(lab, **SIZES)
+    skips = shlex.split(str(error.value).partition("leave them out: ")[2])[1::2]
+    assert skips == ["bad1.csv", "bad2.csv"]
+    assert len(to_case(lab, skip=skips, **SIZES).recordings) == 2
+
+
+def test_recordings_of_one_name_get_their_folders(tmp_path):
+    for day in ("mon", "tue"):
+        written(tmp_path / day / "a.csv", TIDY, TIME, STRAIN, STRESS + 0.01 * len(day)
+                + 0.1 * (day == "tue"))  # fmt: skip
+    names = [r.name for r in softnn.read(tmp_path)]
+    assert names == ["mon-a", "tue-a"]
+
+
+@pytest.mark.slow
+def test_two_cases_of_one_name_are_told_apart(tmp_path, capsys):
+    cases = [tmp_path / day / "case" for day in ("mon", "tue")]
+    for case in cases:
+        written(case / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    out = tmp_path / "out"
+    words = ("--out", out, "--model", "hooke", "--jobs", 1, "--json")
+    code, said, _ = told(capsys, "diagnose", *cases, *words)
+    assert code == 0
+    assert [row["case"] for row in json.loads(said)] == ["mon_case", "tue_case"]
+
+
+def test_copies_by_content_are_no_second_specimen(tmp_path):
+    written(tmp_path / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    again = written(tmp_path / "b.txt", "t [s];strain [%];stress [kPa]", TIME,
+                    100 * STRAIN, 1000 * STRESS, delimiter=";")  # fmt: skip
+    case = to_case(tmp_path)
+    assert len(case.recordings) == 1
+    assert any(again.name in n and "a copy of a.csv" in n for n in case.notes)
+    one, other = (softnn.read(tmp_path / f)[0] for f in ("a.csv", "b.txt"))
+    found = softnn.diagnose([one, other], "hooke")
+    assert len(found.case.recordings) == 1
+
+
+# -- a simulation beside the recordings ------------------------------------------------
+
+
+def test_a_simulation_in_a_plain_folder_is_the_base(tmp_path):
+    simulated = 0.5 * STRAIN
+    for name, scale in (("a", 1.0), ("b", 0.9)):
+        for folder in (tmp_path / "plain", tmp_path / "case" / "recordings"):
+            written(folder / f"{name}.csv", TIDY + ",simulated_MPa", TIME,
+                    scale * STRAIN, STRESS, simulated)  # fmt: skip
+    plain, case = to_case(tmp_path / "plain"), to_case(tmp_path / "case")
+    files = to_case([tmp_path / "plain" / f for f in ("a.csv", "b.csv")])
+    for one in (plain, case, files):
+        for values in one.simulated_MPa:
+            np.testing.assert_allclose(values, simulated, atol=1e-6)
+    (first, _) = softnn.read(tmp_path / "plain")
+    np.testing.assert_allclose(first.simulated_MPa, simulated, atol=1e-6)
+    assert softnn.diagnose(first).result["model"] == "simulated"
+
+
+def test_the_column_of_a_simulation_is_never_the_measured_stress(tmp_path):
+    header = "Time (s),Strain (-),Simulated stress (MPa),Measured stress (MPa)"
+    file = written(tmp_path / "a.csv", header, TIME, STRAIN, STRAIN, STRESS)
+    (one,) = softnn.read(file)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+    np.testing.assert_allclose(one.simulated_MPa, STRAIN, atol=1e-6)
+
+
+# -- what is written -------------------------------------------------------------------
+
+
+def test_time_reads_back_exactly(tmp_path):
+    times = 1709337590.25 + TIME
+    write_table(tmp_path / "a.csv", {"time_s": times, "strain": STRAIN,
+                                     "stress_MPa": STRESS})  # fmt: skip
+    np.testing.assert_array_equal(read_tidy(tmp_path / "a.csv").time_s, times)
+
+
+def test_files_are_written_before_the_text(tmp_path):
+    """`softnn read ... | head -1`, with so much text that the pipe fills up."""
+    files = [written(tmp_path / f"f{i}.csv", TIDY, TIME, STRAIN, STRESS)
+             for i in range(3)]  # fmt: skip
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        [sys.executable, "-m", "softnn.cli", "read", *map(str, files), "--out", out],
+        stdout=subprocess.PIPE,
+    ) as child:
+        child.stdout.close()
+        assert child.wait(60) == 0
+    assert {f.name for f in out.glob("f*.csv")} == {f.name for f in files}
+
+
+def test_a_full_disk_leaves_what_was_there(tmp_path, capsys, monkeypatch):
+    file = written(tmp_path / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    words = ("diagnose", file, "--model", "hooke", "--out", tmp_path / "out")
+    assert told(capsys, *words)[0] == 0
+    folder = tmp_path / "out" / "a"
+    before = {f.name: f.read_bytes() for f in folder.iterdir() if f.name[0] != "."}
+
+    def full(self, *_args, **_more):
+        raise OSError(28, "No space left on device", str(self))
+
+    from softnn.mismatch.diagnosis import Diagnosis
+
+    monkeypatch.setattr(Diagnosis, "report", full)
+    code, said, err = told(capsys, *words)
+    assert code == 2
+    assert "No space left" in err
+    assert "report: " not in said  # of the run before
+    assert "earlier run" in err
+    after = {f.name: f.read_bytes() for f in folder.iterdir() if f.name[0] != "."}
+    assert after == before
+    assert not list(folder.glob(".new*"))
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_with_one_line(tmp_path):
+    files = [
+        written(tmp_path / f"{i}.csv", TIDY, TIME, STRAIN * (1 + 0.1 * i), STRESS)
+        for i in range(8)
+    ]
+    with subprocess.Popen(
+        [sys.executable, "-m", "softnn.cli", "diagnose", *map(str, files),
+         "--out", tmp_path / "out"],
+        stderr=subprocess.PIPE, text=True,
+    ) as child:  # fmt: skip
+        for line in child.stderr:
+            if "base: " in line:  # it has read, and begins to fit
+                break
+        time.sleep(1)
+        child.send_signal(signal.SIGINT)
+        rest = child.stderr.read()
+        assert child.wait(20) == 130
+    assert "Traceback" not in rest
+    assert rest.strip().splitlines()[-1].startswith("softnn: stopped")
+    assert not list((tmp_path / "out").rglob("*.json"))
+
+
+# -- simulate, and Python --------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_simulate_takes_what_diagnose_takes(lab, tmp_path, capsys):
+    found = softnn.diagnose(lab, "hooke", **SIZES)
+    found.save(tmp_path / "found")
+    model = tmp_path / "found" / "model.json"
+    code, said, _ = told(
+        capsys, "simulate", model, lab, *WORDS, "--out", tmp_path / "o"
+    )
+    assert code == 0
+    for line, name in zip(said.splitlines(), ("a", "b"), strict=True):
+        path = tmp_path / "o" / f"{name}.csv"
+        assert line.endswith(f"written to {path}")
+        one = pd.read_csv(path)
+        error = np.sqrt(
+            np.sum((one["simulated_MPa"] - one["stress_MPa"]) ** 2)
+            / np.sum(one["stress_MPa"] ** 2)
+        )
+        assert float(re.search(r"error ([\d.]+) %", line)[1]) == pytest.approx(
+            100 * error, rel=0.01
+        )
+
+
+def test_dir_shows_the_public_names():
+    assert dir(softnn) == sorted(softnn.__all__)
+    assert all(hasattr(softnn, name) for name in dir(softnn))
+    assert softnn.neural.StressNetwork
+
+
+@pytest.mark.slow
+def test_one_recording_a_list_and_a_folder_are_diagnosed_and_shown_in_short(lab):
+    one, *_ = every = softnn.read(lab, **SIZES)
+    seen = []
+    found = softnn.diagnose(one, "hooke", progress=seen.append)
+    assert found.case.recordings[0].name == "a"
+    assert {p.stage for p in seen} == {"diagnosing"}
+    assert all(0 <= p.share <= 1 for p in seen)
+    for made in (one, found):
+        assert len(repr(made)) < 1000
+        assert "\n" not in repr(made)
+        assert "<svg" in made._repr_html_()
+    assert "'a'" in repr(one)
+    assert found.summary in repr(found)
+    assert len(softnn.diagnose(every, "hooke").case.recordings) == 2
+    assert len(softnn.diagnose(lab, "hooke", **SIZES).case.recordings) == 2
+    with pytest.raises(InputError, match=r"softnn\.read"):
+        softnn.diagnose(one, "hooke", **SIZES)
+
+
+def test_a_name_that_is_markup_is_shown_as_text():
+    one = softnn.Recording(TIME, STRAIN, STRESS, name="<script>")
+    assert "<script>" not in one._repr_html_()
+
+
+def test_a_listener_hears_stages_and_may_stop_the_run(tmp_path):
+    class Stopped(Exception):
+        pass
+
+    def stop(now):
+        raise Stopped
+
+    with progress.heard(stop), pytest.raises(Stopped):
+        progress.stage("reading")
+    progress.stage("reading")  # nobody listens: nothing happens
+    shown = progress.Shown("mine", quiet=True)
+    shown(progress.Progress("diagnosing", 10, 3.0, 0.5, 42.0))
+    assert re.match(r"mine: comparing models \[#{10}-{10}\] .*42 s left", shown.line())
