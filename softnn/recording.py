@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from softnn import glance
 from softnn.axes import COMPONENTS, SPECIMEN, Axes, axes_of
 from softnn.contracts import Array, Chunk, InputError
 
@@ -55,7 +56,7 @@ class Step:
     arguments: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """Time, strain and stress of one test, with where they come from.
 
@@ -64,7 +65,8 @@ class Recording:
     may hold NaN where a value is missing. `rate_per_s` is the nominal strain rate
     [1/s] of the test's loading; `log` lists what was done since the file was read.
     Of a component `axes` says what stands in place of strain and stress, and in which
-    units: force in N over elongation in mm, say.
+    units: force in N over elongation in mm, say. `simulated_MPa` is the stress that a
+    simulation of the user's own gave for this strain.
 
     >>> import numpy as np
     >>> r = Recording(np.arange(3.0), np.array([0, 0.1, 0.2]), np.array([0, 0.3, 0.5]))
@@ -87,6 +89,13 @@ class Recording:
     source: str = ""
     log: tuple[Step, ...] = ()
     axes: Axes = SPECIMEN
+    simulated_MPa: Array | None = None
+
+    def __repr__(self) -> str:
+        return f"<Recording {self.name!r}: {glance.facts(self)}>"
+
+    def _repr_html_(self) -> str:
+        return glance.html(self)
 
     def __post_init__(self) -> None:
         for column in COLUMNS:
@@ -140,6 +149,7 @@ class Recording:
     def columns(self) -> dict[str, Array]:
         """The channels this recording has, by column name, in a fixed order."""
         own = dict(zip(REQUIRED, self.axes.columns, strict=True))
+        own["simulated_MPa"] = self.axes.simulated
         return {own.get(c, c): values for c, values in self._channels.items()}
 
     @property
@@ -174,6 +184,7 @@ COLUMNS = (
     "temperature_C",
     "force_N",
     "elongation_mm",
+    "simulated_MPa",
 )
 REQUIRED = COLUMNS[:3]
 
@@ -199,8 +210,11 @@ def columns_of(
         )
     assert axes is not None
     found = dict(zip(REQUIRED, wanted, strict=True))
-    more = [c for c in COLUMNS[3:] if c in given and c not in wanted]
-    return axes, found | {c: c for c in more}
+    more = {c: c for c in COLUMNS[3:] if c in given and c not in wanted}
+    more.pop("simulated_MPa", None)
+    if axes.simulated in given:
+        more["simulated_MPa"] = axes.simulated
+    return axes, found | more
 
 
 def check_columns(

@@ -13,7 +13,7 @@ PACKAGE = ROOT / "softnn"
 # A module imports only what stands on a line above it; siblings do not know each other.
 ORDER = (
     ("contracts",),
-    ("axes", "json_file"),
+    ("axes", "glance", "json_file", "progress"),
     (
         "recording",
         "metrics",

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from softnn import progress
 from softnn.bounded import bounded
 from softnn.contracts import Array
 from softnn.fit.engine import Engine
@@ -157,6 +158,7 @@ def fit(
     tolerance: float = 1e-4,
 ) -> Fit:
     """The best point near `guess`; `tolerance` is of chi2, relative, to stop at."""
+    progress.step()
     guess, stress, a, residual, chi2 = solve_base(engine, guess, fixed_base)
     where = slots(guess)
     damping, count = 1e-3, 0
@@ -164,6 +166,7 @@ def fit(
     fresh = settled = False
     while where and count < iterations:
         count += 1
+        progress.step()
         jacobian = engine.whiten(derivative(engine, guess, where, stress))
         fresh = True
         z = np.array([s.inside(get(guess, s)) for s in where])

@@ -3,95 +3,135 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from softnn import readers
 from softnn.contracts import InputError, nearest
 from softnn.mismatch import base as bases
 from softnn.mismatch import diagnosis
-from softnn.mismatch.case import ABOUT, HISTORIES, Case, check_sizes, read_case
+from softnn.mismatch.case import HISTORIES, Case, case_of, check_sizes, read_case
 from softnn.mismatch.diagnosis import Diagnosis
 from softnn.model_file import Stored, read_model
-from softnn.plausible import check_plausible, scattered, understood
-from softnn.readers.tidy import read_folder
+from softnn.plausible import accidents, check_plausible, scattered, understood
+from softnn.progress import Listener, heard, stage
+from softnn.readers import ReadOptions
+from softnn.readers.arguments import as_arguments
+from softnn.readers.folder import read_files, without_copies
 from softnn.recording import Recording
 
 if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
 
-FILES = (".csv", ".txt", ".dat", ".tra", ".xls", ".xlsx", ".gz")
+Paths = str | Path | Sequence[str | Path]
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def read(path: str | Path, **given: Any) -> list[Recording]:
-    """Recordings of a file, of a folder of files, or of a case.
+def _of_arguments(function: Function) -> Function:
+    """The function with errors that speak of arguments, not of options of a command."""
 
-    A file is a tidy CSV or what a testing machine exported; `given` are fields of
-    `softnn.readers.ReadOptions` (`length_mm=33, area_mm2=18 ...`) for what it does not
-    say. A folder may hold an `index.csv`, or be a case. Raises `InputError`.
+    @wraps(function)
+    def inner(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return function(*args, **kwargs)
+        except InputError as error:
+            told = InputError(as_arguments(str(error)))
+            told.file, told.row, told.column = error.file, error.row, error.column
+            raise told from None
+
+    return cast(Function, inner)
+
+
+def options_of(given: Mapping[str, Any]) -> ReadOptions:
+    """The reading options of keyword arguments. Raises `InputError` for other names."""
+    allowed = [f.name for f in fields(ReadOptions)]
+    for name in given:
+        if name not in allowed:
+            raise InputError(
+                f"no argument {name!r}{nearest(name, allowed)}; allowed: "
+                f"{', '.join(allowed)}"
+            )
+    return ReadOptions(**given)
+
+
+@_of_arguments
+def read(path: Paths, *, skip: Iterable[str] = (), **given: Any) -> list[Recording]:
+    """Recordings of a file, of several files, or of a folder with its subfolders.
+
+    A file is a tidy CSV or what a testing machine exported. What it does not say is
+    `given`, by the names of `softnn.readers.ReadOptions`: `length_mm=33, area_mm2=18`
+    (or `width_mm`, `thickness_mm`, `diameter_mm`), `units={"Load": "N"}`, columns by
+    name as `strain="Video"`, `compression=True` and others. Files of a folder that
+    hold no test are passed over, and those that match a pattern of `skip`. Raises
+    `InputError`.
     """
-    path = Path(path)
-    if not path.is_dir():
-        return readers.read(path, **given)
-    if _is_case(path):
-        return list(read_case(path).recordings)
-    if (path / "index.csv").is_file():
-        return read_folder(path)
-    return [r for f in _files(path) for r in readers.read(f, **given)]
+    return list(_read_case(path, options_of(given), tuple(skip)).recordings)
 
 
 def to_case(
-    path: str | Path | Sequence[str | Path], as_is: bool = False, **given: Any
+    path: Paths,
+    as_is: bool = False,
+    *,
+    options: ReadOptions | None = None,
+    skip: Sequence[str] = (),
+    **given: Any,
 ) -> Case:
     """The case in a folder, or of the files in a list; `given` as for `read`.
 
-    A folder with `recordings/` or a case.toml is read as a case; of any other folder
-    every file of a kind that is read. `notes` of the case say what was not used, and
-    what is odd; implausible numbers are refused unless they are right `as_is`.
+    `notes` of the case say which files were passed over, and what is odd; implausible
+    numbers are refused unless they are right `as_is`.
     """
-    return plausible(_read_case(path, given), as_is)
+    return plausible(_read_case(path, options or options_of(given), skip), as_is)
 
 
 def plausible(case: Case, as_is: bool = False) -> Case:
-    """The case with notes on what is odd in its recordings. Raises `InputError`."""
+    """The case with notes on what is odd in its recordings. Raises `InputError`.
+
+    Copies are left out, and so is the stress after a specimen has torn.
+    """
     for recording in case.recordings:
         check_sizes(recording, recording.name or None)  # before anything is noted
     if as_is:
         return case
-    notes = [n for r in case.recordings for n in check_plausible(r)]
+    case = _once(case)
+    notes, kept = [], []
+    for r in case.recordings:
+        notes += check_plausible(r, history=case.history)
+        r, told = accidents(r)
+        kept.append(r)
+        notes += told
     notes += [] if case.groups() else scattered(case.recordings)
-    return replace(case, notes=(*case.notes, *notes))
+    return replace(case, recordings=tuple(kept), notes=(*case.notes, *notes))
 
 
-def _read_case(
-    path: str | Path | Sequence[str | Path], given: Mapping[str, Any]
-) -> Case:
-    if isinstance(path, str | Path):
-        folder = Path(path)
-        if not folder.is_dir() or _is_case(folder):
-            return read_case(folder)
-        case = _case(read(folder, **given), folder.resolve().name)
-        return replace(case, folder=folder, notes=tuple(_left_out(folder, case)))
-    files = [Path(f) for f in path]
-    name = files[0].stem if len(files) == 1 else files[0].resolve().parent.name
-    return _case([r for f in files for r in readers.read(f, **given)], name)
+def _once(case: Case) -> Case:
+    kept, notes = without_copies(case.recordings)
+    if not notes:
+        return case
+    at = [i for i, r in enumerate(case.recordings) if any(r is k for k in kept)]
+    simulated = case.simulated_MPa
+    return replace(
+        case,
+        recordings=tuple(kept),
+        simulated_MPa=simulated and tuple(simulated[i] for i in at),
+        notes=(*case.notes, *notes),
+    )
 
 
-def _left_out(folder: Path, case: Case) -> list[str]:
-    """Notes on files of a folder that were not read; pictures are not told of."""
-    used = {Path(r.source).name for r in case.recordings} | set(ABOUT)
-    listed = (folder / "index.csv").is_file()
-    notes = []
-    for file in sorted(folder.iterdir()):
-        if not file.is_file() or file.name in used or file.suffix == ".png":
-            continue
-        if file.suffix.lower() not in FILES:
-            notes.append(f"{file.name}: not a kind of file read")
-        elif listed:
-            notes.append(f"{file.name}: not listed in index.csv, so not read")
-    return notes
+def _read_case(path: Paths, options: ReadOptions, skip: Sequence[str] = ()) -> Case:
+    stage("reading")
+    paths = [Path(path)] if isinstance(path, str | Path) else [Path(p) for p in path]
+    if not paths:
+        raise InputError("no files named; at least one is needed")
+    if len(paths) == 1 and not paths[0].is_file():
+        return read_case(paths[0], options, skip)
+    found = read_files(None, paths, options, readers.read)
+    one = paths[0]
+    name = one.name.partition(".")[0] if len(paths) == 1 else one.resolve().parent.name
+    return case_of(found.recordings, name, notes=tuple(found.notes))
 
 
 def inferred(case: Case, model: str | None = None) -> list[str]:
@@ -101,59 +141,50 @@ def inferred(case: Case, model: str | None = None) -> list[str]:
         read_ = next((s.arguments for s in r.log if s.name == "read"), {})
         dialect = read_.get("dialect", "tidy CSV")
         lines.append(f"{r.name}: {dialect}, {len(r)} samples, {understood(r)}")
-    specimens = len(set(case.specimen.values())) or 1
+        lines += [f"{r.name}: {note}" for note in read_.get("notes", [])]
+    count, named = len(case.recordings), len(set(case.specimen.values()))
+    specimens = f"{named} specimen{'s'[: named != 1]}" if named else "unnamed specimens"
     base = model or case.model
     if base is None:
         base = "the column simulated_MPa" if case.simulated_MPa else bases.DEFAULT
+    elif case.simulated_MPa:
+        base += " (the column simulated_MPa is not used)"
     begins = "at rest" if case.history == "fresh" else "where the one before ended"
     lines.append(
-        f"{case.name}: {len(case.recordings)} recording(s) of {specimens} specimen(s), "
+        f"{case.name}: {count} recording{'s'[: count != 1]} of {specimens}, "
         f"each begins {begins}; base: {base}"
     )
     return lines
 
 
-def _is_case(folder: Path) -> bool:
-    return (folder / "recordings").is_dir() or (folder / "case.toml").is_file()
-
-
-def _files(folder: Path) -> list[Path]:
-    """Files of kinds that are read. Raises `InputError` where there are none."""
-    files = sorted(
-        f
-        for f in folder.iterdir()
-        if f.is_file() and f.suffix.lower() in FILES and f.name not in ABOUT
-    )
-    if not files:
-        raise InputError(
-            f"no recordings; files of these kinds are read: {', '.join(FILES)}",
-            file=folder,
-        )
-    return files
-
-
+@_of_arguments
 def diagnose(
-    recordings: Sequence[Recording] | Case | str | Path,
+    recordings: Recording | Sequence[Recording | str | Path] | Case | str | Path,
     model: str | Path | Stored | StoredNetwork | None = None,
     *,
-    history: str = "fresh",
+    history: str | None = None,
     specimen: Mapping[str, str] | None = None,
     seed: int = 0,
     as_is: bool = False,
+    progress: Listener | None = None,
+    **given: Any,
 ) -> Diagnosis:
     """What a simulation of these recordings leaves out, and how sure that is.
 
-    `recordings`: a list, a case, or a folder of either. `model`: a base by name, a
-    model.json or what `load_model` gave; None is what a case says, else pl-wiechert.
+    `recordings`: one, a list of them, a file, a list of files, a folder or a case.
+    `model`: a base by name, a model.json or what `load_model` gave; None is what a case
+    says, else the simulation that the recordings carry, else pl-wiechert.
     `history`: "fresh" where each recording begins at rest, "continued" where it goes on
-    from the one before. `specimen`: of each recording by name, where there are several.
-    `as_is`: take implausible numbers as they stand. Raises `InputError`.
+    from the one before; None is what a case says, else "fresh". `specimen`: of each
+    recording by name, where there are several. `as_is`: take implausible numbers as
+    they stand. `progress` is called with a `softnn.progress.Progress` while it runs.
+    `given`: as for `read`, where files are read. Raises `InputError`.
 
     >>> import numpy as np
     >>> time = np.linspace(0, 20, 201)
     >>> strain = 0.4 * (1 - np.abs(time / 10 - 1))
     >>> noise = 0.01 * np.random.default_rng(0).standard_normal(201)
-    >>> found = diagnose([Recording(time, strain, strain + noise, name="a")], "hooke")
+    >>> found = diagnose(Recording(time, strain, strain + noise, name="a"), "hooke")
     >>> found.verdict
     'nothing_missing'
     >>> found.selected
@@ -161,47 +192,55 @@ def diagnose(
     >>> found.model.simulate(found.case.recordings[0])[100].round(2)
     np.float64(0.4)
     """
-    if isinstance(recordings, str | Path):
-        recordings = to_case(recordings, as_is)
-    elif not isinstance(recordings, Case):
-        recordings = plausible(_case(recordings, "recordings"), as_is)
-    case = recordings
-    if history not in HISTORIES:
-        raise InputError(
-            f"history is {history!r}{nearest(history, HISTORIES)}; allowed: "
-            f"{list(HISTORIES)}"
+    with heard(progress):
+        case = _given_case(recordings, given)
+        if history is not None and history not in HISTORIES:
+            raise InputError(
+                f"history is {history!r}{nearest(history, HISTORIES)}; allowed: "
+                f"{list(HISTORIES)}"
+            )
+        if history is not None:
+            case = replace(case, history=history)
+        if specimen is not None:
+            unknown = set(specimen) - {r.name for r in case.recordings}
+            if unknown:
+                raise InputError(
+                    f"specimen names {sorted(unknown)[0]!r}, which is no recording here"
+                )
+            case = replace(case, specimen=dict(specimen))
+        if not isinstance(recordings, Case):
+            case = plausible(case, as_is)
+        named = isinstance(model, Path) or (
+            isinstance(model, str) and model.endswith(".json")
         )
-    if history != "fresh":
-        case = replace(case, history=history)
-    if specimen is not None:
-        unknown = set(specimen) - {r.name for r in case.recordings}
-        if unknown:
-            raise InputError(
-                f"specimen names {sorted(unknown)[0]!r}, which is no recording here"
-            )
-        case = replace(case, specimen=dict(specimen))
-    if isinstance(model, Path) or (isinstance(model, str) and model.endswith(".json")):
-        model = load_model(model)
-    return diagnosis.diagnose(case, model, seed)
+        return diagnosis.diagnose(
+            case, load_model(cast(Path, model)) if named else cast(Any, model), seed
+        )
 
 
-def _case(recordings: Sequence[Recording], name: str) -> Case:
-    """A case of recordings; those without a name are counted."""
-    for one in recordings:
-        if not isinstance(one, Recording):
-            raise InputError(
-                f"recordings hold a {type(one).__name__}; Recording.from_frame makes a "
-                "recording of a table"
-            )
-    named = (
-        one if one.name else replace(one, name=f"r{i}")
-        for i, one in enumerate(recordings)
-    )
-    case = Case(name, tuple(named))
-    specimens = {r.name: r.specimen for r in case.recordings if r.specimen}
-    return replace(case, specimen=specimens)
+def _given_case(recordings: Any, given: Mapping[str, Any]) -> Case:
+    """The case of whatever `diagnose` was given."""
+    if isinstance(recordings, str | Path):
+        return _read_case(recordings, options_of(given))
+    if isinstance(recordings, Recording):
+        recordings = [recordings]
+    elif not isinstance(recordings, Case):
+        recordings = list(recordings)
+    if isinstance(recordings, list) and recordings:
+        if all(isinstance(r, str | Path) for r in recordings):
+            return _read_case(recordings, options_of(given))
+    if given:
+        options_of(given)  # a misspelt name first
+        raise InputError(
+            f"{next(iter(given))} is for files; these recordings are read already: "
+            "give it to softnn.read"
+        )
+    if isinstance(recordings, Case):
+        return recordings
+    return case_of(recordings, "recordings")
 
 
+@_of_arguments
 def load_model(path: str | Path) -> Stored | StoredNetwork:
     """A model.json of a diagnosis, or the file of a trained network.
 

@@ -40,6 +40,7 @@ class Job:
     seed: int = 0
     resume: bool = False
     options: ReadOptions = field(default_factory=ReadOptions)
+    skip: tuple[str, ...] = ()  # patterns of files to leave alone
     as_is: bool = False  # take implausible numbers as they stand
     aloud: bool = False  # whether to say what was inferred before it starts
     command: str = ""
@@ -122,7 +123,7 @@ def _diagnosed(job: Job) -> Outcome:
     from softnn import __version__
     from softnn.mismatch.diagnosis import diagnose
 
-    case = to_case(job.source, job.as_is, options=job.options)
+    case = to_case(job.source, job.as_is, options=job.options, skip=job.skip)
     if job.aloud:
         # What was understood is for who looks on; what is odd is for everybody.
         said = inferred(case, job.model) if sys.stderr.isatty() else []

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from softnn import readers
 from softnn.axes import common
 from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.fit import Data
 from softnn.model_file import HISTORIES
 from softnn.models.units import BASES
-from softnn.readers.tidy import read_text, read_tidy
+from softnn.readers import ReadOptions
+from softnn.readers.folder import Found, files_of, read_files
+from softnn.readers.tidy import read_folder, read_text
 from softnn.recording import Recording
 
 KEYS = ("model", "history", "specimen")
-ABOUT = ("case.toml", "index.csv", "README.md", "SOURCE.md")  # no recordings
 LARGEST_STRAIN = 15.0  # 1500 %: beyond what any elastomer here stands
 LARGEST_STRESS_MPa = 2000.0
 SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of what any gel or machine shows
@@ -52,58 +55,108 @@ class Case:
         return [tuple(v) for v in by.values()]
 
 
-def read_case(folder: str | Path) -> Case:
-    """The case in `folder`. Raises `InputError` naming file, row and column."""
+def case_of(recordings: Sequence[Recording], name: str, **about: Any) -> Case:
+    """A case of recordings: their specimens, and their simulations if all have one.
+
+    Those without a name are counted. Raises `InputError`.
+    """
+    for one in recordings:
+        if not isinstance(one, Recording):
+            raise InputError(
+                f"recordings hold a {type(one).__name__}; Recording.from_frame makes a "
+                "recording of a table"
+            )
+    named = tuple(
+        one if one.name else replace(one, name=f"r{i}")
+        for i, one in enumerate(recordings)
+    )
+    told = {r.name: r.specimen for r in named if r.specimen}
+    specimen = told | about.pop("specimen", {})
+    return Case(
+        name, named, specimen=specimen, simulated_MPa=_simulated(named), **about
+    )
+
+
+def read_case(
+    folder: str | Path,
+    options: ReadOptions | None = None,
+    skip: Sequence[str] = (),
+) -> Case:
+    """The case in `folder`, with or without recordings/ and case.toml.
+
+    Raises `InputError` naming file, row and column.
+    """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError(
-            "no such folder; a case is a folder with recordings/*.csv", file=folder
-        )
+        raise InputError("no such folder or file", file=folder)
+    about = _about(folder / "case.toml")
     inner = folder / "recordings"
     inner = inner if inner.is_dir() else folder
-    files: list[Path] = []
-    ignored: list[Path] = []
-    for f in sorted(inner.iterdir()):
-        if f.is_file() and f.name not in ABOUT and not f.name.startswith("."):
-            (files if f.suffix.lower() == ".csv" else ignored).append(f)
-    if not files:
-        raise InputError("no recordings; a case needs recordings/*.csv", file=folder)
-    about = _about(folder / "case.toml")
-    recordings = tuple(read_tidy(f) for f in files)
-    for recording, file in zip(recordings, files, strict=True):
-        check_sizes(recording, file)
+    options = options or ReadOptions()
+    if (inner / "index.csv").is_file():
+        found = Found(read_folder(inner), _unlisted(inner))
+    else:
+        files, notes = files_of(inner, skip)
+        found = read_files(inner, files, options, readers.read)
+        found.notes[:0] = notes
+    for recording in found.recordings:
+        check_sizes(recording, recording.source or None)
     specimen = {
         Path(k).stem if k.endswith(".csv") else k: v
         for k, v in about.get("specimen", {}).items()
     }
-    unknown = set(specimen) - {r.name for r in recordings}
+    names = [r.name for r in found.recordings]
+    unknown = sorted(set(specimen) - set(names))
     if unknown:
         raise InputError(
-            f"[specimen] names {sorted(unknown)[0]!r}, which is no recording here",
+            f"[specimen] names {unknown[0]!r}, which is no recording here"
+            f"{nearest(unknown[0], names)}",
             file=folder / "case.toml",
         )
-    column = recordings[0].axes.simulated
-    simulated = [
-        _simulated(f, column, len(r)) for f, r in zip(files, recordings, strict=True)
+    return case_of(
+        found.recordings,
+        folder.resolve().name,
+        model=about.get("model"),
+        history=about.get("history", "fresh"),
+        specimen=specimen,
+        folder=folder,
+        notes=tuple(found.notes),
+    )
+
+
+def _unlisted(folder: Path) -> list[str]:
+    """Notes on files that index.csv does not list."""
+    text = (folder / "index.csv").read_text(encoding="utf-8", errors="replace")
+    files, notes = files_of(folder)
+    shown = [f.relative_to(folder).as_posix() for f in files]
+    return notes + [
+        f"{name}: not listed in index.csv, so not read"
+        for name in shown
+        if name not in text
     ]
-    if any(s is not None for s in simulated) and any(s is None for s in simulated):
-        i = next(i for i, s in enumerate(simulated) if s is None)
+
+
+def _simulated(recordings: Sequence[Recording]) -> tuple[Array, ...] | None:
+    """The simulations, where every recording carries one."""
+    without = [r for r in recordings if r.simulated_MPa is None]
+    if not recordings or len(without) == len(recordings):
+        return None
+    if without:
+        one = without[0]
         raise InputError(
             "no such column, yet other recordings of the case have it",
-            file=files[i],
-            row=1,
-            column=column,
+            file=one.source or one.name,
+            column=one.axes.simulated,
         )
-    return Case(
-        folder.resolve().name,
-        recordings,
-        about.get("model"),
-        about.get("history", "fresh"),
-        specimen,
-        tuple(s for s in simulated if s is not None) or None,
-        folder,
-        tuple(f"{f.name} beside the recordings was not read: no .csv" for f in ignored),
-    )
+    for one in recordings:
+        assert one.simulated_MPa is not None
+        if not np.isfinite(one.simulated_MPa).any():
+            raise InputError(
+                "holds no number at all",
+                file=one.source or one.name,
+                column=one.axes.simulated,
+            )
+    return tuple(r.simulated_MPa for r in recordings if r.simulated_MPa is not None)
 
 
 def _about(path: Path) -> dict:
@@ -213,19 +266,6 @@ def check_case(case: Case) -> None:
             f"{case.name}: {axis.name} reaches {stress:.4g} {axis.unit} at most; is "
             f"the channel connected, and is it in {axis.unit}?"
         )
-
-
-def _simulated(file: Path, column: str, n: int) -> Array | None:
-    with file.open(encoding="utf-8-sig") as lines:
-        head = lines.readline()
-    if column not in [c.strip().strip('"') for c in head.split(",")]:
-        return None
-    frame = pd.read_csv(file, encoding="utf-8-sig", skip_blank_lines=False)
-    frame.columns = [str(c).strip() for c in frame.columns]
-    values = pd.to_numeric(frame[column], errors="coerce").to_numpy(float)[:n]
-    if not np.isfinite(values).any():
-        raise InputError("holds no number at all", file=file, column=column)
-    return values
 
 
 def check_model(name: str) -> None:

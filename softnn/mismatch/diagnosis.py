@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from softnn import glance
 from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
 
 
-@dataclass
+@dataclass(repr=False)
 class Diagnosis:
     """What was left out, how sure that is, and the corrected model.
 
@@ -45,6 +47,25 @@ class Diagnosis:
     measured: list[Array]
     before: list[Array]
     after: list[Array]
+
+    def __repr__(self) -> str:
+        count = len(self.case.recordings)
+        return (
+            f"<Diagnosis of {self.case.name!r}, {count} "
+            f"recording{'s'[: count != 1]}: {self.summary}>"
+        )
+
+    def _repr_html_(self) -> str:
+        every = list(
+            zip(self.strain, self.measured, self.before, self.after, strict=True)
+        )
+        x, measured, before, after = max(every, key=lambda e: float(np.ptp(e[0])))
+        drawn = glance.svg([(x, measured), (x, before), (x, after)])
+        return (
+            f"<figure style='margin:0'><figcaption><b>{escape(self.case.name)}</b>: "
+            f"{escape(self.summary)}</figcaption>{drawn}<div><small>measured (blue), "
+            "simulated before (red) and after correction (green)</small></div></figure>"
+        )
 
     @property
     def axes(self) -> Axes:

@@ -28,6 +28,7 @@ from softnn.readers import (
     wavematrix,
     zwick,
 )
+from softnn.readers.lacking import placed
 from softnn.readers.options import ReadOptions
 from softnn.readers.source import open_source
 from softnn.recording import Recording
@@ -71,9 +72,7 @@ def read(
             try:
                 return _named(dialect.read(source, options))
             except InputError as error:
-                if error.file is not None:
-                    raise
-                raise InputError(str(error), file=path) from None
+                raise placed(error, path) from None
     raise AssertionError("the generic reader takes every file")
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+import shlex
 from dataclasses import fields
 
 from softnn.contracts import InputError
@@ -57,6 +59,42 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     for name in ("specimen", "material", "test"):
         group.add_argument(f"--{name}", default="", help=f"{name}, to be recorded")
+
+
+_SWITCHES = ("as_is", "compression", "skip_bad_cells")
+
+
+def as_arguments(text: str) -> str:
+    """A message that names options of a command, in arguments of a function.
+
+    >>> as_arguments("no length in it; give --length MM, or --unit 'Way=mm'")
+    "no length in it; give length_mm=..., or units={'Way': 'mm'}"
+    >>> as_arguments("If it is right, say --as-is")
+    'If it is right, say as_is=True'
+    """
+
+    def gathered(match: re.Match[str]) -> str:
+        words = shlex.split(match[0])
+        if words[0] == "--skip":
+            return f"skip={words[1::2]}"
+        pairs = (word.rpartition("=") for word in words[1::2])
+        return f"units={ ({c: u for c, _, u in pairs}) }"
+
+    def option(match: re.Match[str]) -> str:
+        name, value = match[1].replace("-", "_"), match[2]
+        if name in _SWITCHES:
+            return f"{name}=True"
+        if name in _SIZES:
+            return f"{name}_{_SIZES[name]}" + ("=..." if value else "")
+        if name in (*_QUANTITIES, "decimal", "model", "seed", "skip"):
+            return name + ("=..." if value else "")
+        return match[0]
+
+    word = r"(?:'[^']*'|[^\s',;]+)"
+    text = re.sub(rf"--unit {word}(?:,? --unit {word})*", gathered, text)
+    text = re.sub(rf"--skip {word}(?: --skip {word})*", gathered, text)
+    text = text.replace("--unit", "units={COLUMN: UNIT}")
+    return re.sub(r"--([a-z]+(?:-[a-z]+)*)( [A-Z][A-Z0-9_]*\b)?", option, text)
 
 
 def options_of(arguments: argparse.Namespace) -> ReadOptions:

@@ -16,15 +16,12 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.readers.chosen import Chosen
+from softnn.readers.lacking import Lacking, placed
 from softnn.readers.numbers import decimal_mark
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.table import Table, find_tables, has_role
-from softnn.readers.vocabulary import (
-    HEIGHT,
-    TRUE,
-    plain,
-)
+from softnn.readers.vocabulary import TRUE, plain
 from softnn.recording import Recording, Step
 
 # Beyond these a unit or the geometry is wrong, not the material: 100 is 10,000 %,
@@ -41,9 +38,7 @@ def assemble(
     try:
         return _Assembly(table, rules, options, decimal).recording()
     except InputError as error:
-        if error.file is not None:
-            raise
-        raise InputError(str(error), file=table.where) from None
+        raise placed(error, table.where) from None
 
 
 class _Assembly(Chosen):
@@ -53,10 +48,7 @@ class _Assembly(Chosen):
         table, options = self.table, self.options
         if not table.rows:
             raise InputError("no rows; at least two samples are needed")
-        force = self.read("force")
-        stress = self.stress(force)
-        strain, elongation = self.strain()
-        time = self.time(strain)
+        force, stress, strain, elongation, time = self.channels()
         self.check_time(time)
         self.check_size(strain, MAX_STRAIN, "strain", "--length")
         self.check_size(stress, MAX_STRESS, "stress [MPa]", "--area")
@@ -89,6 +81,46 @@ class _Assembly(Chosen):
             source=str(table.file),
             log=(Step("read", arguments),),
         )
+
+    def channels(self) -> tuple[Array | None, Array, Array, Array | None, Array]:
+        """Force, stress, strain, elongation and time; all that lacks is said at once.
+
+        Raises `NoRecording` where there is nothing of a test.
+        """
+        lacking: Lacking | None = None
+        force = stress = strain = elongation = time = None
+        try:
+            force, stress = self.force_and_stress()
+        except Lacking as error:
+            lacking = error
+        try:
+            strain, elongation = self.strain()
+        except Lacking as error:
+            lacking = error if lacking is None else lacking.and_also(error)
+        try:
+            time = self.time(strain)
+        except Lacking as error:
+            lacking = error if lacking is None else lacking.and_also(error)
+        if lacking is not None:
+            raise lacking
+        assert stress is not None
+        assert strain is not None
+        assert time is not None
+        return force, stress, strain, elongation, time
+
+    def force_and_stress(self) -> tuple[Array | None, Array]:
+        """Force and stress; the force may be unclear where it is not needed."""
+        try:
+            force = self.read("force")
+        except Lacking as error:
+            wanted = self.options.force or self.options.has_area
+            if wanted or self.find("stress") is None:
+                if self.geometry.area is None:
+                    error = error.and_also(Lacking(["area"]))
+                raise error from None
+            self.notes.append("force left out: its unit is not known")
+            force = None
+        return force, self.stress(force)
 
     def optional(self, role: str) -> Array | None:
         """A channel nothing depends on: without a clear unit it is left out."""
@@ -123,20 +155,8 @@ class _Assembly(Chosen):
             )
         if area is None:
             self.header.refuse_unknown(("area", "width", "thickness", "diameter"))
-            both = self.needs_length()
-            raise InputError(
-                f"no cross-section{' and no length' if both else ''} of the specimen "
-                "in it; give --area MM2, or --width MM and --thickness MM, or "
-                f"--diameter MM{'; and --length MM' if both else ''}"
-            )
+            raise Lacking(["area"])
         return force / area
-
-    def needs_length(self) -> bool:
-        """Whether strain, too, will lack its length: both are then said at once."""
-        if self.geometry.length_mm is not None or self.find("strain"):
-            return False
-        found = self.find("displacement")
-        return found is None or not HEIGHT.search(self.table.columns[found[0]].plain)
 
     def strain(self) -> tuple[Array, Array | None]:
         """Strain and elongation; from the displacement when a length is given."""
@@ -166,30 +186,36 @@ class _Assembly(Chosen):
                     30.0 if extensometer else DISAGREE,
                 )
             return strain, elongation
-        elongation = self.read("displacement")
+        length = self.geometry.length_mm
+        try:
+            elongation = self.read("displacement")
+        except Lacking as error:
+            if length is None:
+                error = error.and_also(Lacking(["length"]))
+            raise error from None
         if elongation is None:
             raise InputError(
                 f"no column of strain or displacement; it has {self.have()}. "
                 "Name one with --strain or --displacement"
             )
-        length = self.geometry.length_mm
+        length = self.geometry.length_mm  # a column of height brings its own
         if length is None:
             self.header.refuse_unknown(("length",))
-            raise InputError(
-                "no length of the specimen in it, so displacement gives no strain; "
-                "give --length MM"
-            )
+            raise Lacking(["length"])
         return elongation / length, elongation
 
-    def time(self, strain: Array) -> Array:
+    def time(self, strain: Array | None) -> Array | None:
+        """Time [s]; None where it is made of a strain that lacks something itself."""
         options = self.options
         if options.interval_s is not None:
             self.used["time"] = f"every {options.interval_s:g} s (--interval)"
-            return np.arange(float(len(strain))) * options.interval_s
+            return np.arange(float(len(self.table.rows))) * options.interval_s
         time = self.read("time")
         if time is not None:
             return time
         if options.rate_per_s is not None:
+            if strain is None:
+                return None
             steps = np.abs(np.diff(strain, prepend=strain[:1]))
             if np.isnan(steps).any():
                 raise InputError("strain has gaps, so --rate gives no time")

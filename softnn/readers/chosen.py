@@ -13,10 +13,11 @@ import numpy as np
 from softnn.contracts import Array, InputError
 from softnn.readers.columns import Column
 from softnn.readers.header import header_geometry
+from softnn.readers.lacking import Lacking
 from softnn.readers.numbers import numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.table import Table
-from softnn.readers.units import Unit, known, parse_unit
+from softnn.readers.units import Unit, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
     COMPRESSIVE,
@@ -113,10 +114,8 @@ class Chosen:
 
     def refuse(self, column: Column, role: str) -> None:
         text = self.unit_of(column, role)
-        said = f"has the unit {text!r}, unknown here" if text else "has no unit"
-        raise InputError(
-            f"column {column.name!r} {said}; give it with "
-            f"--unit '{column.name}=...', one of: {known(DIMENSION[role])}"
+        raise Lacking(
+            units={column.name: role}, unknown={column.name: text} if text else None
         )
 
     def unit_of(self, column: Column, role: str) -> str:

@@ -19,6 +19,7 @@ from functools import cached_property
 from pathlib import Path
 
 from softnn.contracts import InputError
+from softnn.readers.lacking import NoRecording
 from softnn.readers.vocabulary import ROLES, plain
 
 MAX_BYTES = 100_000_000  # 2 million rows of text; one test is rarely a tenth of it
@@ -137,7 +138,7 @@ def open_source(path: Path) -> Source:
                 f"unpacks to over {MAX_BYTES // 10**6} MB; split it", file=path
             )
     if not raw.strip(b"\x00 \t\r\n"):
-        raise InputError("no rows; the file is empty", file=path)
+        raise NoRecording("no rows; the file is empty", file=path)
     return Source(path, raw)
 
 
@@ -156,7 +157,7 @@ def decode(raw: bytes, path: Path) -> str:
         if "\x00" not in text and sum(c > "\u2fff" for c in text[:64]) < 16:
             return text
     if len(_BINARY.findall(start)) > len(start) // 100 + 4:
-        raise InputError(
+        raise NoRecording(
             "is not text and no Excel workbook; export it as CSV or text", file=path
         )
     if b"\x00" in raw:
@@ -170,7 +171,7 @@ def decode(raw: bytes, path: Path) -> str:
         b"%PDF",
         b"{\\rt",
     ):
-        raise InputError(
+        raise NoRecording(
             "is a web page, XML, PDF or RTF document, whatever its name says; "
             "export it as CSV or text",
             file=path,
@@ -227,7 +228,7 @@ def sniff_delimiter(lines: list[str], path: Path) -> str:
         if score > best + 1e-9:
             best, chosen = score, delimiter
     if not chosen:
-        raise InputError(
+        raise NoRecording(
             "no table of numbers in it; expected are columns of time, force or stress, "
             "and displacement or strain",
             file=path,
@@ -314,7 +315,7 @@ def _xlsx_sheets(raw: bytes, path: Path) -> list[Sheet]:
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             members = archive.infolist()
             if not any(m.filename.lower() == "xl/workbook.xml" for m in members):
-                raise InputError(
+                raise NoRecording(
                     "is a zip archive and no Excel workbook; unpack it first", file=path
                 )
             if sum(m.file_size for m in members) > MAX_WORKBOOK_BYTES:
