@@ -1,0 +1,137 @@
+"""The processes that compute: one a project and kind, ended with their server.
+
+A diagnosis is minutes of arithmetic, so it never runs in the server: each run is a
+process group of its own. Its standard input is held open by the server; when that is
+gone, however it went, the process reads the end of it and stops.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from softnn.app.project import Project
+from softnn.contracts import InputError
+from softnn.workers import attached
+
+PATIENCE_S = 3.0  # for a process to end by itself
+ASKED_S = 120.0  # for a file to be read, or a model to be written
+
+Run = subprocess.Popen[bytes]
+
+
+class Runs:
+    """Every process of this server, by project and kind of work."""
+
+    def __init__(self, most: int | None = None) -> None:
+        self.most = most or 4 * (os.cpu_count() or 1)
+        self._runs: dict[tuple[str, str], Run] = {}
+        self._pool: ProcessPoolExecutor | None = None
+
+    # -- long work ---------------------------------------------------------------------
+
+    def start(self, project: Project, what: str, *arguments: str) -> None:
+        """Begin a run. Raises `InputError` when it is on, or too many are."""
+        if self.running(project, what):
+            raise InputError("it is running already; cancel it first")
+        going = sum(run.poll() is None for run in self._runs.values())
+        if going >= self.most:
+            raise InputError(f"{going} runs are going on; wait until one has ended")
+        project.tell(what, stage="starting", began=time.time())
+        with (project.folder / f"{what}.log").open("wb") as log:
+            self._runs[project.id, what] = subprocess.Popen(
+                [sys.executable, "-m", "softnn.app.work", what, project.folder]
+                + list(arguments),
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=os.environ
+                | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
+                start_new_session=True,
+            )
+
+    def running(self, project: Project, what: str) -> bool:
+        run = self._runs.get((project.id, what))
+        return run is not None and run.poll() is None
+
+    def state(self, project: Project, what: str) -> dict[str, Any]:
+        """As `Project.state`; a run that is gone without a word has "failed"."""
+        told = project.state(what)
+        if told and "ended" not in told and not self.running(project, what):
+            told = project.state(what)  # it may have ended in between
+            if "ended" not in told:
+                log = project.folder / f"{what}.log"
+                last = log.read_text("utf-8", "replace").split("\n") if log.is_file() else []
+                why = next((x for x in reversed(last) if x.strip()), "")
+                project.tell(
+                    what,
+                    ended="failed",
+                    line=f"The run stopped before its end. {why}"[:500],
+                )
+                told = project.state(what)
+        return told
+
+    def cancel(self, project: Project, what: str) -> None:
+        """End a run and all that it started; what it had written aside goes."""
+        run = self._runs.get((project.id, what))
+        if run is not None:
+            _end(run)
+            if "ended" not in project.state(what):
+                project.tell(what, ended="cancelled", line="Cancelled.")
+
+    # -- short work --------------------------------------------------------------------
+
+    async def ask(self, do: Callable[..., Any], *arguments: Any) -> Any:
+        """What a function of `work.py` answers, from a process kept for such work."""
+        import asyncio
+
+        for again in (True, False):
+            if self._pool is None:
+                self._pool = ProcessPoolExecutor(
+                    2, get_context("spawn"), initializer=attached
+                )
+            pool = self._pool
+            answer = asyncio.get_running_loop().run_in_executor(pool, do, *arguments)
+            try:
+                return await asyncio.wait_for(answer, ASKED_S)
+            except (BrokenProcessPool, TimeoutError) as error:
+                if self._pool is pool:
+                    self._pool = None
+                for process in list((pool._processes or {}).values()):
+                    process.kill()
+                pool.shutdown(wait=False, cancel_futures=True)
+                if isinstance(error, TimeoutError) or not again:
+                    raise InputError(
+                        "it took too long or too much memory; use a smaller file"
+                    ) from None
+        raise AssertionError
+
+    def close(self) -> None:
+        for run in self._runs.values():
+            _end(run, 0.5)
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _end(run: Run, patience_s: float = PATIENCE_S) -> None:
+    for sign in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(run.pid, sign)  # also what it started
+        try:
+            run.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            continue
+        # The leader is gone; whoever of its group ignored the first sign goes too.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(run.pid, signal.SIGKILL)
+        return
