@@ -56,10 +56,15 @@ window.softnn = (() => {
       emitEvent("dropped");
     } else if (refused.length < files.length) {
       sessionStorage.setItem("refused", JSON.stringify(refused));
-      location.assign(`/project/${project}`);
+      location.assign(`/project/${project}${zone.dataset.then}`);
     } else {
       refuse(refused);
     }
+  }
+
+  function chosen(input) {
+    send([...input.files]);
+    input.value = "";
   }
 
   function over(event, on) {
@@ -84,5 +89,5 @@ window.softnn = (() => {
     sessionStorage.removeItem("refused");
     refuse(before);
   }
-  return { send, begin };
+  return { chosen, begin };
 })();

@@ -28,11 +28,13 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in scope["headers"]}
+        headers = {
+            k.decode("latin-1"): v.decode("latin-1") for k, v in scope["headers"]
+        }
         if self.local and _host(headers.get("host", "")) not in HERE:
             await _refuse(scope, send, 403, "Open this page as http://127.0.0.1")
         elif not _same_site(headers):
-            await _refuse(scope, send, 403, "This page takes nothing from another site.")
+            await _refuse(scope, send, 403, "Nothing is taken from another site.")
         elif self.token is not None and not self._knows(scope, headers):
             given = parse_qs(scope.get("query_string", b"").decode("latin-1"))
             if scope["type"] == "http" and self._is(given.get("token", [""])[0]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,14 @@ from fastapi.responses import FileResponse, PlainTextResponse, Response
 from nicegui import app, ui
 
 from softnn.app import project as projects
-from softnn.app.parts import SANDBOX, drop, page, tag
+from softnn.app import work
+from softnn.app.parts import SANDBOX, able, button, drop, page, says, tag
 from softnn.app.project import Project
 from softnn.app.runs import Runs
 from softnn.app.sheet import Sheet
+from softnn.app.training import Training
 from softnn.contracts import InputError
+from softnn.report.phrases import percent
 
 ICON = (
     "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'>"
@@ -33,8 +37,8 @@ class Limits:
     files: int
 
 
-def register(out: Path, runs: Runs, limits: Limits) -> None:
-    """Give every page and file its address."""
+def register(out: Path, runs: Runs, limits: Limits, local: bool) -> None:
+    """Give every page and file its address; `local`: only this machine is served."""
 
     @ui.page("/")
     def start() -> None:
@@ -46,14 +50,57 @@ def register(out: Path, runs: Runs, limits: Limits) -> None:
                 "of them, simulates them, and says which physics the simulation lacks. "
                 "The files stay on the machine that runs softnn app.",
             )
-            drop("", limits.bytes_, "Drop recordings here, or choose files", False)
+            drop("", limits.bytes_, "Drop recordings here, or choose files")
+            with tag("p", classes="small"):
+                tag("span", "No recordings at hand? ", "soft")
+                button("Look at an example", example, "plain")
+
+    async def example() -> None:
+        project = projects.new(out)
+        await runs.ask(work.example, project.folder)
+        ui.navigate.to(f"/project/{project.id}")
 
     @ui.page("/project/{name}")
     def sheet(name: str) -> None:
         with guarded("Diagnose"):
             project = projects.opened(out, name)
-            with page(project.title, "Diagnose"):
+            with page(project.title, "Diagnose", name):
                 Sheet(project, runs, limits.bytes_).build()
+
+    @ui.page("/network")
+    def any_network() -> None:
+        with page("Train a network", "Train a network"):
+            tag("h1", "Train a network on recordings")
+            tag(
+                "p",
+                "Drop recordings of one material, or open an earlier project below.",
+            )
+            then = "/network"
+            drop("", limits.bytes_, "Drop recordings here, or choose files", then)
+            earlier(out, runs, then)
+
+    @ui.page("/project/{name}/network")
+    def network(name: str) -> None:
+        with guarded("Train a network"):
+            project = projects.opened(out, name)
+            with page(f"Network of {project.title}", "Train a network", name):
+                Training(project, runs).build()
+
+    @ui.page("/results")
+    def results() -> None:
+        with page("Earlier results", "Earlier results"):
+            tag("h1", "Earlier results")
+            earlier(out, runs)
+            tag("h2", "MLflow")
+            tag(
+                "p",
+                "MLflow lists the same diagnoses and every network that was trained, "
+                "side by side, with their errors and files.",
+            )
+            if local:
+                Mlflow(out, runs).build()
+            else:
+                tag("p", "Its pages are for the machine itself, where they are opened.")
 
     @app.post("/project")
     def begin() -> Response:
@@ -80,6 +127,72 @@ def register(out: Path, runs: Runs, limits: Limits) -> None:
         # Whatever the report shows, it can reach nothing of these pages.
         policy = {"Content-Security-Policy": f"sandbox {SANDBOX}"}
         return FileResponse(found, media_type="text/html", headers=policy)
+
+
+def earlier(out: Path, runs: Runs, then: str = "") -> None:
+    """The projects that are there, each with what came of it."""
+    rows = list(projects.listed(out))
+    if not rows:
+        tag("p", "There are none yet.", "soft")
+        return
+    with tag("ul", classes="earlier"):
+        for project in rows:
+            with tag("li"):
+                tag("a", project.title, href=f"/project/{project.id}{then}")
+                tag("span", project.day, "soft small")
+                for text in told_of(project, runs):
+                    tag("p", text, "small")
+
+
+def told_of(project: Project, runs: Runs) -> list[str]:
+    """What there is of a project, in a sentence each."""
+    out = []
+    for what, word in (("diagnose", "diagnosis"), ("network", "training")):
+        if runs.running(project, what):
+            out.append(f"The {word} is running.")
+    if result := project.result:
+        out.append(result["summary"])
+    if found := project.network:
+        head = found["materials"][0]["headline"]
+        error = percent(head.get("nrmse_random"))
+        out.append(f"A network of {head['neurons']} neurons; random folds: {error}.")
+    return out or ["Not diagnosed yet."]
+
+
+class Mlflow:
+    """Starts MLflow's own server when asked, and says where it is."""
+
+    def __init__(self, out: Path, runs: Runs) -> None:
+        self.out, self.runs = out, runs
+
+    def build(self) -> None:
+        with tag("div", classes="row"):
+            self.go = button("Start MLflow", self.start)
+            self.line = tag("span", role="status")
+            self.link = tag("a", "Open MLflow", "act", target="_blank")
+        self.link.set_visibility(False)
+        if not (self.out / "mlflow.db").is_file():
+            able(self.go, False)
+            says(self.line, "There is nothing in it yet.")
+
+    async def start(self) -> None:
+        able(self.go, False)
+        says(self.line, "starting")
+        port = self.runs.mlflow(self.out)
+        for _ in range(120):
+            try:
+                _, writer = await asyncio.open_connection("127.0.0.1", port)
+            except OSError:
+                await asyncio.sleep(0.5)
+                continue
+            writer.close()
+            self.link._props["href"] = f"http://127.0.0.1:{port}"
+            self.link.update()
+            self.link.set_visibility(True)
+            says(self.line, "")
+            return
+        says(self.line, f"It does not answer; see {self.out / 'mlflow.log'}.")
+        able(self.go, True)
 
 
 class guarded:

@@ -5,15 +5,17 @@ Texts are set as text, never as HTML, so a name may hold anything.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from nicegui import ui
+from nicegui import run, ui
 from nicegui.element import Element
 
+from softnn.app.project import Project
+from softnn.app.runs import Runs
 from softnn.contracts import InputError
 
 HERE = Path(__file__).parent
@@ -33,22 +35,27 @@ def tag(name: str, text: str = "", classes: str = "", **props: Any) -> Element:
 
 
 @contextmanager
-def page(title: str, here: str) -> Iterator[None]:
-    """What every page has around its content; `here` is its entry in the menu."""
+def page(title: str, here: str, project: str = "") -> Iterator[None]:
+    """What every page has around its content; `here` is its entry in the menu.
+
+    Of a project the first two entries lead to its own pages.
+    """
+    of = f"/project/{project}" if project else ""
     ui.page_title(f"{title} - softnn" if title else "softnn")
     ui.add_css(HERE / "style.css")
     ui.add_head_html(f"<script>{(HERE / 'app.js').read_text('utf-8')}</script>")
     with tag("div", classes="page"):
         with tag("header", classes="top"):
-            tag("a", "softnn", "brand", href="/")
+            tag("a", "softnn", "brand", href="/", aria_label="softnn: begin anew")
             with tag("nav", aria_label="Pages"):
                 for text, address in (
-                    ("Diagnose", "/"),
-                    ("Train a network", "/network"),
+                    ("Diagnose", of or "/"),
+                    ("Train a network", f"{of}/network"),
                     ("Earlier results", "/results"),
                 ):
-                    current = {"aria_current": "page"} if text == here else {}
-                    tag("a", text, href=address, **current)
+                    made = tag("a", text, href=address)
+                    if text == here:
+                        made._props["aria-current"] = "page"
         with tag("main"):
             yield
 
@@ -87,8 +94,9 @@ def choice(
         tag("span", label)
         with tag("select") as made:
             for key, text in options.items():
-                chosen = {"selected": True} if key == value else {}
-                tag("option", text, value=key, **chosen)
+                option = tag("option", text, value=key)
+                if key == value:
+                    option._props["selected"] = True
 
     def changed(event: Any) -> Any:
         return do(str(event.args)) if str(event.args) in options else None
@@ -108,7 +116,7 @@ def entry(
             value="" if value is None else str(value),
             autocomplete="off",
             maxlength=100,
-            **({"inputmode": "decimal"} if number else {}),
+            inputmode="decimal" if number else "text",
         )
         told = tag("span", "", "bad", role="alert")
         told.set_visibility(False)
@@ -133,32 +141,84 @@ def entry(
 def tick(label: str, value: bool, do: Callable[[bool], Any]) -> Element:
     """A box to tick."""
     with tag("label", classes="tick"):
-        props = {"checked": True} if value else {}
-        made = tag("input", type="checkbox", **props)
+        made = tag("input", type="checkbox")
+        if value:
+            made._props["checked"] = True
         tag("span", label)
     return made.on(
         "change", lambda e: do(bool(e.args)), js_handler="(e) => emit(e.target.checked)"
     )
 
 
-def drop(project: str, most: int, text: str, less: bool) -> None:
-    """Where files are dropped or chosen; `app.js` sends them."""
+def drop(project: str, most: int, text: str, then: str = "") -> None:
+    """Where files are dropped or chosen; `app.js` sends them.
+
+    Without a `project` a new one is begun, and its page `then` opened.
+    """
     with tag(
         "label",
-        classes="drop less" if less else "drop",
+        classes="drop less" if project else "drop",
         id="drop",
         data_project=project,
         data_most=most,
+        data_then=then,
     ):
         tag("strong", text)
         tag("span", "CSV, text, Excel, as the testing machine wrote them", "soft small")
         tag("input", type="file", multiple=True, aria_label="Choose recordings").on(
             "change",
-            js_handler="(e) => { softnn.send([...e.target.files]); e.target.value = ''; }",
+            js_handler="(e) => softnn.chosen(e.target)",
         )
     tag("p", "", "soft small", id="sending", role="status")
     tag("ul", "", id="refused", role="alert", hidden=True)
     ui.run_javascript("softnn.begin()")
+
+
+class Watched:
+    """A button that starts a run, one that cancels it, and how far it is."""
+
+    def __init__(self, runs: Runs, project: Project, what: str, word: str) -> None:
+        self.runs, self.project, self.what = runs, project, what
+        with tag("div", classes="row"):
+            self.go = button(word, self.start, "act main")
+            self.stop = button("Cancel", self.cancel)
+        self.bar = tag("progress", aria_label=f"{word}: under way")
+        self.line = tag("p", role="status")
+
+    def start(self) -> None:
+        try:
+            self.runs.start(self.project, self.what)
+        except InputError as error:
+            ui.notify(str(error))
+        self.show("")
+
+    async def cancel(self) -> None:
+        await run.io_bound(self.runs.cancel, self.project, self.what)
+        self.show("")
+
+    def show(self, lacking: str) -> bool:
+        """Bring it up to date; `lacking`: why it cannot start. Whether it is on."""
+        state = self.runs.state(self.project, self.what)
+        going = bool(state) and "ended" not in state
+        able(self.go, not going and not lacking)
+        self.stop.set_visibility(going)
+        self.bar.set_visibility(going)
+        if going:
+            for key, of in (("value", state.get("part")), ("max", state.get("of"))):
+                if of is None:
+                    self.bar._props.pop(key, None)
+                else:
+                    self.bar._props[key] = of
+            self.bar.update()
+            seconds = time.time() - state.get("began", time.time())
+            text = f"{state.get('stage', '')}, {seconds:.0f} s"
+            says(self.line, text[:1].upper() + text[1:])
+        elif lacking:
+            says(self.line, lacking)
+        else:
+            ended_well = state.get("ended") in (None, "done")
+            says(self.line, "" if ended_well else state.get("line", ""))
+        return going
 
 
 def figure(points: str, width: float, height: float, caption: str, says_: str) -> None:

@@ -28,7 +28,13 @@ from softnn.json_file import write
 
 NAMED = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}")
 LONGEST = 120  # characters of a file's name
-EMPTY: dict[str, Any] = {"title": "", "base": "", "history": "fresh", "files": {}}
+EMPTY: dict[str, Any] = {
+    "title": "",
+    "base": "",
+    "history": "fresh",
+    "files": {},
+    "network": {},
+}
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,12 @@ class Project:
     @property
     def id(self) -> str:
         return self.folder.name
+
+    @property
+    def day(self) -> str:
+        """When it was begun."""
+        day, clock, _ = self.id.split("-")
+        return f"{day[:4]}-{day[4:6]}-{day[6:]} {clock[:2]}:{clock[2:4]}"
 
     @property
     def files(self) -> list[Path]:
@@ -79,7 +91,8 @@ class Project:
         for file in self.files:
             digest.update(file.name.encode() + b"\0")
             digest.update(hashlib.sha256(file.read_bytes()).digest())
-        asked = {k: v for k, v in self.choices.items() if k != "title"}
+        beside = ("title", "network")  # what no diagnosis depends on
+        asked = {k: v for k, v in self.choices.items() if k not in beside}
         digest.update(json.dumps(asked, sort_keys=True).encode())
         return digest.hexdigest()
 
@@ -118,7 +131,7 @@ class Project:
     @property
     def network(self) -> dict[str, Any] | None:
         """The result file of the study of networks, once there is one."""
-        found = sorted((self.folder / "network").glob("*.json"))
+        found = sorted((self.folder / "network").glob("neurons*.json"))
         return _json(found[0]) if found else None
 
 
@@ -139,8 +152,8 @@ def opened(out: Path, name: str) -> Project:
 
 def listed(out: Path) -> Iterator[Project]:
     """Projects that hold a file, the newest first."""
-    folders = sorted((f for f in out.iterdir() if NAMED.fullmatch(f.name)), reverse=True)
-    for folder in folders:
+    named = (f for f in out.iterdir() if NAMED.fullmatch(f.name))
+    for folder in sorted(named, reverse=True):
         if (found := Project(folder)).files:
             yield found
 

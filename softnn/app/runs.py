@@ -10,12 +10,13 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from collections.abc import Callable
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -36,33 +37,53 @@ class Runs:
     def __init__(self, most: int | None = None) -> None:
         self.most = most or 4 * (os.cpu_count() or 1)
         self._runs: dict[tuple[str, str], Run] = {}
+        self._all: list[Run] = []
+        self._mlflow: tuple[Run, int] | None = None
         self._pool: ProcessPoolExecutor | None = None
 
     # -- long work ---------------------------------------------------------------------
 
-    def start(self, project: Project, what: str, *arguments: str) -> None:
+    def start(self, project: Project, what: str) -> None:
         """Begin a run. Raises `InputError` when it is on, or too many are."""
         if self.running(project, what):
             raise InputError("it is running already; cancel it first")
-        going = sum(run.poll() is None for run in self._runs.values())
+        going = sum(run.poll() is None for run in self._all)
         if going >= self.most:
             raise InputError(f"{going} runs are going on; wait until one has ended")
         project.tell(what, stage="starting", began=time.time())
-        with (project.folder / f"{what}.log").open("wb") as log:
-            self._runs[project.id, what] = subprocess.Popen(
-                [sys.executable, "-m", "softnn.app.work", what, project.folder]
-                + list(arguments),
+        self._runs[project.id, what] = self._begin(
+            project.folder / f"{what}.log", what, str(project.folder)
+        )
+
+    def _begin(self, log: Path, *arguments: str) -> Run:
+        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        with log.open("wb") as told:
+            run = subprocess.Popen(
+                [sys.executable, "-m", "softnn.app.work", *arguments],
                 stdin=subprocess.PIPE,
-                stdout=log,
+                stdout=told,
                 stderr=subprocess.STDOUT,
-                env=os.environ
-                | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
+                env=os.environ | threads,
                 start_new_session=True,
             )
+        self._all = [r for r in self._all if r.poll() is None] + [run]
+        return run
+
+    def mlflow(self, out: Path) -> int:
+        """The port at which MLflow's own pages are, or soon will be."""
+        if self._mlflow is None or self._mlflow[0].poll() is not None:
+            with socket.socket() as free:
+                free.bind(("127.0.0.1", 0))
+                port = int(free.getsockname()[1])
+            run = self._begin(out / "mlflow.log", "mlflow", str(out), str(port))
+            self._mlflow = run, port
+        return self._mlflow[1]
 
     def running(self, project: Project, what: str) -> bool:
+        """Whether a run has not ended; what it still logs to MLflow does not count."""
         run = self._runs.get((project.id, what))
-        return run is not None and run.poll() is None
+        gone = run is None or run.poll() is not None
+        return not gone and "ended" not in project.state(what)
 
     def state(self, project: Project, what: str) -> dict[str, Any]:
         """As `Project.state`; a run that is gone without a word has "failed"."""
@@ -70,9 +91,7 @@ class Runs:
         if told and "ended" not in told and not self.running(project, what):
             told = project.state(what)  # it may have ended in between
             if "ended" not in told:
-                log = project.folder / f"{what}.log"
-                last = log.read_text("utf-8", "replace").split("\n") if log.is_file() else []
-                why = next((x for x in reversed(last) if x.strip()), "")
+                why = _last_line(project.folder / f"{what}.log")
                 project.tell(
                     what,
                     ended="failed",
@@ -117,10 +136,15 @@ class Runs:
         raise AssertionError
 
     def close(self) -> None:
-        for run in self._runs.values():
+        for run in self._all:
             _end(run, 0.5)
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _last_line(log: Path) -> str:
+    lines = log.read_text("utf-8", "replace").split("\n") if log.is_file() else []
+    return next((line for line in reversed(lines) if line.strip()), "")
 
 
 def _end(run: Run, patience_s: float = PATIENCE_S) -> None:

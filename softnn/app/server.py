@@ -17,7 +17,7 @@ from softnn.app.runs import Runs
 from softnn.contracts import InputError
 from softnn.mismatch.batch import writable
 
-BATCH = 5  # times the largest file may come in one drop
+SLACK = 10**6  # bytes of a request besides the file in it
 
 
 def serve(arguments: argparse.Namespace) -> int:
@@ -29,10 +29,8 @@ def serve(arguments: argparse.Namespace) -> int:
     _free(host, port)
     runs = Runs()
     limits = pages.Limits(arguments.max_mb * 10**6, arguments.max_files)
-    pages.register(out, runs, limits)
-    app.add_middleware(
-        Guard, token=token, local=local, most=BATCH * limits.bytes_ + 10**6
-    )
+    pages.register(out, runs, limits, local)
+    app.add_middleware(Guard, token=token, local=local, most=limits.bytes_ + SLACK)
     app.on_shutdown(runs.close)
     shown = host if local else socket.gethostname()
     address = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from nicegui import ui
 from softnn.app import work
 from softnn.app.parts import (
     SANDBOX,
-    able,
+    Watched,
     button,
     choice,
     drop,
@@ -26,7 +26,7 @@ from softnn.app.project import Project
 from softnn.app.runs import Runs
 from softnn.contracts import InputError
 from softnn.readers import ReadOptions
-from softnn.report.page import BASES, VERDICTS
+from softnn.report.page import BASES
 
 SIZES = {
     "length_mm": "Length [mm]",
@@ -70,10 +70,10 @@ class Sheet:
         self.title = tag("h1", project.title)
         tag("h2", "1. Recordings")
         self.list = tag("div")
-        drop(project.id, self.most, "Add recordings: drop them, or choose files", True)
+        drop(project.id, self.most, "Add recordings: drop them, or choose files")
         ui.on("dropped", self.read, args=[])
         tag("h2", "2. Simulation")
-        with tag("div", classes="form"):
+        with tag("div", classes="form wide"):
             choice("Simulate with", self.bases(), project.choices["base"], self.base)
             choice(
                 "Each recording begins",
@@ -82,11 +82,7 @@ class Sheet:
                 lambda key: self.chosen(history=key),
             )
         tag("h2", "3. Diagnosis")
-        with tag("div", classes="row"):
-            self.go = button("Diagnose", self.start, "act main")
-            self.stop = button("Cancel", self.cancel)
-        self.bar = tag("progress", aria_label="Diagnosis under way")
-        self.line = tag("p", role="status")
+        self.run = Watched(self.runs, project, "diagnose", "Diagnose")
         self.report = tag("section", aria_label="Report")
         self.watch()
         ui.timer(EVERY_S, self.watch)
@@ -118,7 +114,8 @@ class Sheet:
         """What was set for one file becomes so for all of them."""
         given = self.project.options(name)
         for other in self.project.files:
-            own = {k: v for k, v in self.project.options(other.name).items() if k in OWN}
+            theirs = self.project.options(other.name)
+            own = {k: v for k, v in theirs.items() if k in OWN}
             shared = {k: v for k, v in given.items() if k not in OWN}
             if other.name != name:
                 self.project.set_options(other.name, shared | own)
@@ -138,49 +135,20 @@ class Sheet:
 
     # -- diagnosis ---------------------------------------------------------------------
 
-    def start(self) -> None:
-        try:
-            self.runs.start(self.project, "diagnose")
-        except InputError as error:
-            says(self.line, str(error))
-            return
-        self.watch()
-
-    def cancel(self) -> None:
-        self.runs.cancel(self.project, "diagnose")
-        self.watch()
-
     def watch(self) -> None:
         """Bring what is shown of the run and of its report up to date."""
-        state = self.runs.state(self.project, "diagnose")
-        going = bool(state) and "ended" not in state
         names = [f.name for f in self.project.files]
         read = [self.seen.get(n) for n in names]
         wrong = sum(bool(r and (r["error"] or r["doubt"])) for r in read)
-        able(self.go, not going and bool(names) and all(read) and not wrong)
-        self.stop.set_visibility(going)
-        self.bar.set_visibility(going)
-        if going:
-            seconds = time.time() - state.get("began", time.time())
-            part, of = state.get("part"), state.get("of")
-            for key, value in (("value", part), ("max", of)):
-                if of:
-                    self.bar._props[key] = value
-                else:
-                    self.bar._props.pop(key, None)
-            self.bar.update()
-            says(self.line, f"{state.get('stage', '')}, {seconds:.0f} s".capitalize())
-        elif not names:
-            says(self.line, "Add a recording first.")
+        lacking = ""
+        if not names:
+            lacking = "Add a recording first."
         elif wrong:
-            files = "file needs" if wrong == 1 else "files need"
-            says(self.line, f"{wrong} {files} a correction above, or to be taken away.")
+            needs = "1 file needs" if wrong == 1 else f"{wrong} files need"
+            lacking = f"{needs} a correction above, or to be removed."
         elif not all(read):
-            says(self.line, "Reading the files.")
-        elif state.get("ended") in ("failed", "cancelled"):
-            says(self.line, state.get("line", ""))
-        else:
-            says(self.line, "")
+            lacking = "Reading the files."
+        self.run.show(lacking)
         self.reported()
 
     def reported(self) -> None:
@@ -189,11 +157,11 @@ class Sheet:
         asked = self.project.folder / "found" / "asked"
         made_of = asked.read_text() if result and asked.is_file() else ""
         # Reading every file twice a second would be too much: their dates will do.
-        now = [(f.name, f.stat().st_mtime_ns) for f in self.project.files]
-        now.append(str(self.project.choices))
-        if self.shown == (made_of, now):
+        dates = [(f.name, f.stat().st_mtime_ns) for f in self.project.files]
+        now = made_of, dates, str(self.project.choices)
+        if self.shown == now:
             return
-        self.shown = (made_of, now)
+        self.shown = now
         self.report.clear()
         if result is None:
             return
@@ -207,11 +175,10 @@ class Sheet:
                     "say",
                     role="status",
                 )
-            tag("p", VERDICTS.get(result["verdict"], ""), "verdict")
-            tag("p", result["summary"], "answer")
             address = f"/project/{self.project.id}/report.html"
             with tag("div", classes="row"):
-                tag("a", "Open the report in a tab", "act", href=address, target="_blank")
+                text = "Open the report in a tab"
+                tag("a", text, "act", href=address, target="_blank")
             tag(
                 "iframe",
                 "",
@@ -263,10 +230,10 @@ class Card:
                 tag("h3", file.name)
                 self.state = tag("span", "reading", "state", role="status")
                 button(
-                    "Take away",
+                    "Remove",
                     self.remove,
                     "plain",
-                    aria_label=f"Take away {file.name}",
+                    aria_label=f"Remove {file.name}",
                 )
             self.facts = tag("div")
             self.details = tag("details")
@@ -314,7 +281,8 @@ class Card:
                 tag("p", wrong, "say")
             for r in told["recordings"]:
                 self.recording(r, len(told["recordings"]) > 1)
-            notes = [*told["notes"], *(n for r in told["recordings"] for n in r["notes"])]
+            notes = list(told["notes"])
+            notes += [n for r in told["recordings"] for n in r["notes"]]
             if notes:
                 with tag("ul", classes="notes"):
                     for note in dict.fromkeys(notes):
@@ -322,16 +290,19 @@ class Card:
 
     def recording(self, r: dict[str, Any], several: bool) -> None:
         across, up = r["axes"]
-        low, high = (f"{v:.3g}" for v in (r["strain"] or (0, 0)))
+        ranges = "; ".join(
+            f"{axis.partition(' [')[0]} {low:.3g} to {high:.3g} {unit}".strip()
+            for axis, unit, (low, high) in r["ranges"]
+        )
         with tag("div", classes="seen"):
             figure(
                 r["curve"],
                 work.WIDTH,
                 work.HEIGHT,
-                f"{up} over {across}, {low} to {high}",
+                ranges,
                 f"Curve of {up} over {across}",
             )
-            columns = "; ".join(f"{k}: {v}" for k, v in r["columns"].items())
+            columns = [f"{k} from {v}" for k, v in r["columns"].items()]
             sizes = ", ".join(
                 f"{SIZES.get(k, k).partition(' [')[0].lower()} {v:.6g} {_unit(k)}"
                 for k, v in r["geometry"].items()
@@ -342,14 +313,16 @@ class Card:
                 "Seen": f"{r['samples']} samples, {r['understood']}",
                 "Columns": columns,
                 "Sign": r["sign"],
-                "Geometry": sizes or "none",
+                "Geometry": sizes or "not given",
                 "File kind": r["dialect"],
             }
             with tag("dl", classes="facts"):
                 for key, value in facts.items():
-                    if value:
-                        tag("dt", key)
-                        tag("dd", value)
+                    if not value:
+                        continue
+                    tag("dt", key)
+                    for line in [value] if isinstance(value, str) else value:
+                        tag("dd", line)
 
     # -- corrections -------------------------------------------------------------------
 
@@ -386,7 +359,8 @@ class Card:
                 units = now.get("units", {})
                 with tag("div", classes="form"):
                     for role in ROLES:
-                        known = {"": "as the file says"} | {u: u for u in work.UNITS[role]}
+                        known = {"": "as the file says"}
+                        known |= {u: u for u in work.UNITS[role]}
                         choice(
                             f"Unit of {role}",
                             known,
@@ -419,7 +393,7 @@ class Card:
         try:
             value = float(text.replace(",", ".")) if text else None
             if value is not None:
-                ReadOptions(**{key: value})
+                replace(ReadOptions(), **{key: value})
         except InputError:
             raise InputError("a number above 0") from None
         except ValueError:
@@ -449,5 +423,3 @@ class Card:
 
 def _unit(key: str) -> str:
     return key.rpartition("_")[2]
-
-

@@ -8,8 +8,11 @@ come back.
 from __future__ import annotations
 
 import io
+import json
 import os
 import re
+import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -37,6 +40,7 @@ from softnn.report.picture import kept
 
 DRAWN = 400  # points of a small curve
 WIDTH, HEIGHT = 320.0, 180.0  # of it
+NETWORK = {"neurons": "2,4,8", "folds": "5", "cycles": False}  # small: half a minute
 UNITS = {role: known(d).split(", ") for role, d in DIMENSION.items()}
 
 
@@ -62,7 +66,8 @@ def understand(file: Path, options: dict[str, Any], as_is: bool) -> dict[str, An
         return told | {"error": _said(error, file)}
     except Exception as error:  # a fault of softnn: the other files are worth reading
         what = f"{type(error).__name__}: {error}".splitlines()[0]
-        return told | {"error": f"softnn failed on this file ({what}); please report it"}
+        told["error"] = f"softnn failed on this file ({what}); please report it"
+        return told
     for recording in found:
         told["recordings"].append(_facts(recording))
         try:
@@ -106,8 +111,11 @@ def _facts(r: Recording) -> dict[str, Any]:
         "sign": _sign(strain),
         "curve": curve(r.strain, r.stress_MPa),
         "axes": [r.axes.strain.label, r.axes.stress.label],
-        "strain": [float(strain.min()), float(strain.max())] if strain.size else [],
-        "stress": [float(stress.min()), float(stress.max())] if stress.size else [],
+        "ranges": [
+            (axis.name, axis.unit.strip("-"), (float(v.min()), float(v.max())))
+            for axis, v in ((r.axes.strain, strain), (r.axes.stress, stress))
+            if v.size
+        ],
     }
 
 
@@ -149,11 +157,23 @@ def _reading(project: Project, file: Path) -> dict[str, Any]:
     return {k: v for k, v in project.options(file.name).items() if k != "as_is"}
 
 
+def example(folder: Path) -> None:
+    """Fill a project with the recordings of `softnn demo`."""
+    from softnn.mismatch.demo import conceal
+
+    project = Project(folder)
+    conceal(folder / "demo", "mullins_softening")
+    for file in sorted((folder / "demo" / "recordings").iterdir()):
+        file.rename(project.place_of(file.name))
+    shutil.rmtree(folder / "demo")
+    project.choose(title="Example: an effect concealed in made-up recordings")
+
+
 # -- diagnosing ------------------------------------------------------------------------
 
 
-def diagnose(project: Project) -> str:
-    """Write `found`; the answer in a sentence or two."""
+def diagnose(project: Project) -> None:
+    """Write `found`, by what `softnn diagnose` calls."""
     from softnn import __version__
     from softnn.mismatch import diagnosis
     from softnn.mismatch.api import plausible
@@ -178,7 +198,20 @@ def diagnose(project: Project) -> str:
     project.tell("diagnose", stage="writing", began=began)
     _replaced(project, "found", found.save)
     (project.folder / "found" / "asked").write_text(digest)
-    return found.summary
+    project.tell("diagnose", ended="done", line=found.summary)
+    _log(project)
+
+
+def _log(project: Project) -> None:
+    """Log the diagnosis to MLflow, as `--tracking` does; for the page of results."""
+    from softnn.mismatch.record import log
+
+    log(tracking(project), [project.folder / "found"], 0)
+
+
+def tracking(project: Project) -> str:
+    """MLflow's address, the same for all projects."""
+    return f"sqlite:///{project.folder.parent / 'mlflow.db'}"
 
 
 def _model_of(project: Project) -> str:
@@ -189,13 +222,70 @@ def _model_of(project: Project) -> str:
 
 def _replaced(project: Project, name: str, save: Any) -> None:
     """Write a folder aside, then in place of the one before: never half of it."""
-    import shutil
-
     aside, place = project.folder / f".{name}", project.folder / name
     shutil.rmtree(aside, ignore_errors=True)
     save(aside)
     shutil.rmtree(place, ignore_errors=True)
     aside.rename(place)
+
+
+# -- training --------------------------------------------------------------------------
+
+
+def network(project: Project) -> None:
+    """Write `network`, by `python -m studies.neurons` on the recordings as tidy CSV."""
+    from softnn.cli import write_tidy
+    from softnn.readers.tidy import write_index
+    from softnn.tracking import fetched
+
+    began = time.time()
+    project.tell("network", stage="reading", began=began)
+    asked = NETWORK | project.choices["network"]
+    stem = re.sub(r"[^\w-]+", "_", Path(project.title).stem)
+    source = project.folder / f"{stem}-{project.id[-8:]}"
+    shutil.rmtree(source, ignore_errors=True)
+    taken: set[str] = set()
+    written = {write_tidy(r, source, taken).name: r for r in read_all(project)}
+    write_index(source, written)
+    where = tracking(project)
+
+    def save(place: Path) -> None:
+        command = [sys.executable, "-m", "studies.neurons", "--data", str(source)]
+        command += ["--neurons", asked["neurons"], "--folds", asked["folds"]]
+        command += ["--cycles"] if asked["cycles"] else []
+        command += ["--storage", f"sqlite:///{project.folder / 'optuna.db'}"]
+        command += ["--tracking", where, "--out", str(place)]
+        _watched(project, command, began)
+        material = _result_of(place)["materials"][0]["material"]
+        name = f"models:/{source.name}-{material}@best-random"
+        shutil.copy(fetched(name, where), place / "network.json")
+
+    _replaced(project, "network", save)
+    shutil.rmtree(source, ignore_errors=True)
+    project.tell("network", ended="done", line="")
+
+
+def _result_of(place: Path) -> dict[str, Any]:
+    (file,) = place.glob("neurons*.json")
+    return dict(json.loads(file.read_text("utf-8")))
+
+
+def _watched(project: Project, command: Sequence[str], began: float) -> None:
+    """Run a study, and tell how many trials are done. Raises `InputError`."""
+    last = ""
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as study:
+        assert study.stderr is not None
+        for line in study.stderr:  # a bar writes over itself: universal newlines
+            last = line.strip() or last
+            print(line, end="", flush=True)
+            if found := re.search(r"\b(\d+)/(\d+) \[", line):
+                part, of = map(int, found.groups())
+                stage = f"training: {part} of {of} configurations"
+                project.tell("network", stage=stage, began=began, part=part, of=of)
+    if study.returncode:
+        raise InputError(re.sub(r"^[\w.]+: ", "", last) or "the study ended early")
 
 
 # -- exporting -------------------------------------------------------------------------
@@ -222,30 +312,46 @@ def exported(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    what, folder, *_ = sys.argv[1:] if argv is None else argv
+    what, folder, *more = sys.argv[1:] if argv is None else argv
     threading.Thread(target=_with_parent, daemon=True).start()
+    if what == "mlflow":
+        return mlflow(Path(folder), *more)
     project = Project(Path(folder))
     try:
-        line = {"diagnose": diagnose}[what](project)
-        project.tell(what, ended="done", line=line)
+        {"diagnose": diagnose, "network": network}[what](project)
     except InputError as error:
         line = str(error).replace(f"{project.folder / 'files'}{os.sep}", "")
-        project.tell(what, ended="failed", line=line)
+        _failed(project, what, line)
         return 2
     except Exception as error:  # a fault of softnn
         traceback.print_exc()
         said = f"{type(error).__name__}: {error}".splitlines()[0]
-        project.tell(
-            what, ended="failed", line=f"softnn failed ({said}); please report it"
-        )
+        _failed(project, what, f"softnn failed ({said}); please report it")
         return 1
     return 0
+
+
+def _failed(project: Project, what: str, line: str) -> None:
+    if "ended" not in project.state(what):  # else the result itself is there
+        project.tell(what, ended="failed", line=line)
+
+
+def mlflow(out: Path, port: str) -> int:
+    """MLflow's own pages, as `make ui` serves them."""
+    command = [sys.executable, "-m", "mlflow", "ui", "--workers", "1"]
+    command += ["--backend-store-uri", f"sqlite:///{out / 'mlflow.db'}"]
+    command += ["--host", "127.0.0.1", "--port", port]
+    quiet = {
+        "MLFLOW_DISABLE_TELEMETRY": "true",
+        "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
+    }
+    return subprocess.run(command, env=os.environ | quiet, check=False).returncode
 
 
 def _with_parent() -> None:
     """End when the server, which holds the other end of standard input, is gone."""
     sys.stdin.buffer.read()
-    os._exit(1)
+    os.killpg(0, signal.SIGKILL)  # a group of its own, with all that it started
 
 
 if __name__ == "__main__":
