@@ -15,7 +15,7 @@ from nicegui import app, ui
 from softnn.app import project as projects
 from softnn.app import work
 from softnn.app.parts import SANDBOX, able, button, drop, page, says, tag
-from softnn.app.project import Project
+from softnn.app.project import MODEL, Project
 from softnn.app.runs import Runs
 from softnn.app.sheet import Sheet
 from softnn.app.training import Training
@@ -111,7 +111,9 @@ def register(out: Path, runs: Runs, limits: Limits, local: bool) -> None:
         try:
             project = projects.opened(out, name)
             given = request.query_params.get("name", "")
-            await received(project, given, request.stream(), limits)
+            place = await received(project, given, request.stream(), limits)
+            if place.suffix.lower() == ".json":
+                await simulating(project, place, runs)
         except InputError as error:
             return PlainTextResponse(str(error), 400)
         return PlainTextResponse("taken")
@@ -127,6 +129,19 @@ def register(out: Path, runs: Runs, limits: Limits, local: bool) -> None:
         # Whatever the report shows, it can reach nothing of these pages.
         policy = {"Content-Security-Policy": f"sandbox {SANDBOX}"}
         return FileResponse(found, media_type="text/html", headers=policy)
+
+
+async def simulating(project: Project, file: Path, runs: Runs) -> None:
+    """Let a model.json simulate, unless it is none. Raises `InputError`."""
+    place = file.rename(project.folder / MODEL)
+    try:
+        await runs.ask(work.check_model, place)
+    except InputError as error:
+        place.unlink()
+        if project.choices["base"] == MODEL:
+            project.choose(base="")
+        raise InputError(f"no model: {error}") from None
+    project.choose(base=MODEL)
 
 
 def earlier(out: Path, runs: Runs, then: str = "") -> None:

@@ -56,8 +56,7 @@ def page(title: str, here: str, project: str = "") -> Iterator[None]:
                     made = tag("a", text, href=address)
                     if text == here:
                         made._props["aria-current"] = "page"
-        with tag("main"):
-            yield
+        yield
 
 
 def button(
@@ -113,7 +112,7 @@ def entry(
         made = tag(
             "input",
             type="text",
-            value="" if value is None else str(value),
+            value=f"{value:g}" if isinstance(value, float) else value or "",
             autocomplete="off",
             maxlength=100,
             inputmode="decimal" if number else "text",

@@ -2,6 +2,7 @@
 
     OUT/20261128-143205-1f3a90c2/
         files/         what was dropped, under names that lead nowhere else
+        base.json      a model that was dropped among them
         choices.json   what the visitor set: options of each file, the base
         found/         what `softnn diagnose` writes
         network/       what the study of networks writes
@@ -27,6 +28,7 @@ from softnn.contracts import InputError
 from softnn.json_file import write
 
 NAMED = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}")
+MODEL = "base.json"  # a model that was dropped, to simulate with
 LONGEST = 120  # characters of a file's name
 EMPTY: dict[str, Any] = {
     "title": "",

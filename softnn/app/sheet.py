@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import asyncio
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from nicegui import ui
 
 from softnn.app import work
+from softnn.app.card import SIZES, Card, number
 from softnn.app.parts import (
     SANDBOX,
     Watched,
@@ -17,30 +18,15 @@ from softnn.app.parts import (
     choice,
     drop,
     entry,
-    figure,
     says,
     tag,
     tick,
 )
-from softnn.app.project import Project
+from softnn.app.project import MODEL, Project
 from softnn.app.runs import Runs
 from softnn.contracts import InputError
-from softnn.readers import ReadOptions
 from softnn.report.page import BASES
 
-SIZES = {
-    "length_mm": "Length [mm]",
-    "area_mm2": "Section [mm2]",
-    "width_mm": "Width [mm]",
-    "thickness_mm": "Thickness [mm]",
-    "diameter_mm": "Diameter [mm]",
-}
-CLOCK = {
-    "interval_s": "Seconds between samples",
-    "rate_per_s": "Strain rate [1/s]",
-}
-ROLES = ("time", "force", "displacement", "strain", "stress", "temperature")
-DECIMAL = {"": "as found", ".": "point: 1.5", ",": "comma: 1,5"}
 # What is true of one specimen alone, and not copied to other files.
 OWN = ("specimen",)
 HISTORIES = {
@@ -69,18 +55,14 @@ class Sheet:
         project = self.project
         self.title = tag("h1", project.title)
         tag("h2", "1. Recordings")
+        self.common = tag("fieldset", classes="file")
         self.list = tag("div")
         drop(project.id, self.most, "Add recordings: drop them, or choose files")
         ui.on("dropped", self.read, args=[])
         tag("h2", "2. Simulation")
-        with tag("div", classes="form wide"):
-            choice("Simulate with", self.bases(), project.choices["base"], self.base)
-            choice(
-                "Each recording begins",
-                HISTORIES,
-                project.choices["history"],
-                lambda key: self.chosen(history=key),
-            )
+        self.base = tag("div", classes="form wide")
+        tag("p", "A model.json of softnn, dropped above, simulates too.", "soft small")
+        self.simulation()
         tag("h2", "3. Diagnosis")
         self.run = Watched(self.runs, project, "diagnose", "Diagnose")
         self.report = tag("section", aria_label="Report")
@@ -101,37 +83,83 @@ class Sheet:
                 with self.list:
                     self.cards[name] = Card(self, files[name])
         says(self.title, self.project.title)
+        self.sizes()
+        self.simulation()
         self.watch()
-        for name in files:
-            if name not in self.seen and name in self.cards:
-                await self.cards[name].read()
+        await self.again([n for n in files if n not in self.seen])
 
     def chosen(self, **changed: Any) -> None:
         self.project.choose(**changed)
         self.watch()
 
-    async def for_all(self, name: str) -> None:
+    async def like(self, name: str) -> None:
         """What was set for one file becomes so for all of them."""
         given = self.project.options(name)
-        for other in self.project.files:
-            theirs = self.project.options(other.name)
-            own = {k: v for k, v in theirs.items() if k in OWN}
-            shared = {k: v for k, v in given.items() if k not in OWN}
-            if other.name != name:
-                self.project.set_options(other.name, shared | own)
-        for other_name, card in self.cards.items():
-            if other_name != name:
+        for other, card in self.cards.items():
+            if other != name:
+                theirs = self.project.options(other)
+                own = {k: v for k, v in theirs.items() if k in OWN}
+                shared = {k: v for k, v in given.items() if k not in OWN}
+                self.project.set_options(other, shared | own)
                 card.form()
-                await card.read()
+        await self.again([n for n in self.cards if n != name])
+
+    async def size(self, key: str, text: str) -> None:
+        """A size typed once, for all files."""
+        await number(key, text, self.for_all)
+
+    async def for_all(self, key: str, value: Any) -> None:
+        for card in self.cards.values():
+            card.put(key, value)
+            card.form()
+        await self.again(list(self.cards))
+
+    async def again(self, names: list[str]) -> None:
+        await asyncio.gather(*(self.cards[n].read() for n in names if n in self.cards))
+
+    def sizes(self) -> None:
+        """Sizes of all files at once, where there are several."""
+        files = [f.name for f in self.project.files]
+        self.common.clear()
+        self.common.set_visibility(len(files) > 1)
+        with self.common:
+            tag("legend", "Specimens of all files")
+            with tag("div", classes="form"):
+                for key, label in SIZES.items():
+                    given = {self.project.options(f).get(key) for f in files}
+                    one = given.pop() if len(given) == 1 else None
+                    entry(label, one, partial(self.size, key))
+            tick(
+                "The files count compression as positive",
+                bool(files)
+                and all(self.project.options(f).get("compression") for f in files),
+                partial(self.for_all, "compression"),
+            )
 
     # -- simulation --------------------------------------------------------------------
 
     def bases(self) -> dict[str, str]:
         usual = "as usual: simulated_MPa of the files, else PL-Wiechert"
-        return {"": usual} | BASES
+        own = "the model.json that was dropped"
+        dropped = (self.project.folder / MODEL).is_file()
+        return {"": usual} | ({MODEL: own} if dropped else {}) | BASES
 
-    def base(self, key: str) -> None:
-        self.chosen(base=key)
+    def simulation(self) -> None:
+        """What simulates; a model.json that was dropped is on offer too."""
+        self.base.clear()
+        with self.base:
+            choice(
+                "Simulate with",
+                self.bases(),
+                self.project.choices["base"],
+                lambda key: self.chosen(base=key),
+            )
+            choice(
+                "Each recording begins",
+                HISTORIES,
+                self.project.choices["history"],
+                lambda key: self.chosen(history=key),
+            )
 
     # -- diagnosis ---------------------------------------------------------------------
 
@@ -217,209 +245,3 @@ class Sheet:
     @property
     def stem(self) -> str:
         return Path(self.project.title).stem.replace(" ", "_") or "model"
-
-
-class Card:
-    """One file: what was understood of it, and where that is corrected."""
-
-    def __init__(self, sheet: Sheet, file: Path) -> None:
-        self.sheet, self.name, self.file_ = sheet, file.name, file
-        self.place = tag("article", classes="file", aria_label=file.name)
-        with self.place:
-            with tag("div", classes="head"):
-                tag("h3", file.name)
-                self.state = tag("span", "reading", "state", role="status")
-                button(
-                    "Remove",
-                    self.remove,
-                    "plain",
-                    aria_label=f"Remove {file.name}",
-                )
-            self.facts = tag("div")
-            self.details = tag("details")
-            with self.details:
-                tag("summary", "Correct")
-                self.inside = tag("div")
-
-    @property
-    def options(self) -> dict[str, Any]:
-        return self.sheet.project.options(self.name)
-
-    async def remove(self) -> None:
-        self.sheet.project.remove(self.name)
-        await self.sheet.read()
-
-    async def read(self) -> None:
-        """Read the file as chosen, and show what came of it."""
-        given = self.options
-        as_is = bool(given.pop("as_is", False))
-        first = self.name not in self.sheet.seen
-        try:
-            told = await self.sheet.runs.ask(work.understand, self.file_, given, as_is)
-        except InputError as error:
-            told = {"columns": [], "recordings": [], "notes": [], "doubt": ""}
-            told["error"] = str(error)
-        if self.name not in self.sheet.cards:
-            return  # taken away in the meantime
-        self.sheet.seen[self.name] = told
-        self.tell(told)
-        if first:
-            self.form()
-            if told["error"] or told["doubt"]:
-                self.details._props["open"] = True
-                self.details.update()
-        self.sheet.watch()
-
-    def tell(self, told: dict[str, Any]) -> None:
-        wrong = told["error"] or told["doubt"]
-        self.state.classes(remove="good bad", add="bad" if wrong else "good")
-        word = "not read" if told["error"] else "in doubt" if wrong else "understood"
-        says(self.state, word)
-        self.facts.clear()
-        with self.facts:
-            if wrong:
-                tag("p", wrong, "say")
-            for r in told["recordings"]:
-                self.recording(r, len(told["recordings"]) > 1)
-            notes = list(told["notes"])
-            notes += [n for r in told["recordings"] for n in r["notes"]]
-            if notes:
-                with tag("ul", classes="notes"):
-                    for note in dict.fromkeys(notes):
-                        tag("li", note)
-
-    def recording(self, r: dict[str, Any], several: bool) -> None:
-        across, up = r["axes"]
-        ranges = "; ".join(
-            f"{axis.partition(' [')[0]} {low:.3g} to {high:.3g} {unit}".strip()
-            for axis, unit, (low, high) in r["ranges"]
-        )
-        with tag("div", classes="seen"):
-            figure(
-                r["curve"],
-                work.WIDTH,
-                work.HEIGHT,
-                ranges,
-                f"Curve of {up} over {across}",
-            )
-            columns = [f"{k} from {v}" for k, v in r["columns"].items()]
-            sizes = ", ".join(
-                f"{SIZES.get(k, k).partition(' [')[0].lower()} {v:.6g} {_unit(k)}"
-                for k, v in r["geometry"].items()
-            )
-            facts = {
-                "Recording": r["name"] if several else "",
-                "Specimen": r["specimen"],
-                "Seen": f"{r['samples']} samples, {r['understood']}",
-                "Columns": columns,
-                "Sign": r["sign"],
-                "Geometry": sizes or "not given",
-                "File kind": r["dialect"],
-            }
-            with tag("dl", classes="facts"):
-                for key, value in facts.items():
-                    if not value:
-                        continue
-                    tag("dt", key)
-                    for line in [value] if isinstance(value, str) else value:
-                        tag("dd", line)
-
-    # -- corrections -------------------------------------------------------------------
-
-    def form(self) -> None:
-        """What can be corrected, as it is set now."""
-        told = self.sheet.seen.get(self.name, {})
-        now = self.options
-        self.inside.clear()
-        with self.inside:
-            with tag("fieldset"):
-                tag("legend", "Specimen")
-                with tag("div", classes="form"):
-                    for key, label in SIZES.items():
-                        entry(label, now.get(key), partial(self.number, key))
-                    entry(
-                        "Specimen's name",
-                        now.get("specimen"),
-                        partial(self.set, "specimen"),
-                        number=False,
-                    )
-            with tag("fieldset"):
-                tag("legend", "Columns")
-                names = {"": "as found"} | {c: c for c in told.get("columns", [])}
-                with tag("div", classes="form"):
-                    for role in ROLES:
-                        choice(
-                            role.capitalize(),
-                            names,
-                            now.get(role, ""),
-                            partial(self.set, role),
-                        )
-            with tag("fieldset"):
-                tag("legend", "Units of these columns")
-                units = now.get("units", {})
-                with tag("div", classes="form"):
-                    for role in ROLES:
-                        known = {"": "as the file says"}
-                        known |= {u: u for u in work.UNITS[role]}
-                        choice(
-                            f"Unit of {role}",
-                            known,
-                            units.get(role, ""),
-                            partial(self.unit, role),
-                        )
-            with tag("fieldset"):
-                tag("legend", "How it was written")
-                with tag("div", classes="form"):
-                    choice(
-                        "Decimal mark",
-                        DECIMAL,
-                        now.get("decimal", ""),
-                        partial(self.set, "decimal"),
-                    )
-                    for key, label in CLOCK.items():
-                        entry(label, now.get(key), partial(self.number, key))
-                for key, label in (
-                    ("compression", "The file counts compression as positive"),
-                    ("skip_bad_cells", "Cells that are no numbers are missing values"),
-                    ("as_is", "The numbers are right, however odd they look"),
-                ):
-                    tick(label, bool(now.get(key)), partial(self.set, key))
-            with tag("div", classes="row"):
-                button("Use these for all files", self.for_all)
-                button("Undo all corrections", self.undo)
-
-    async def number(self, key: str, text: str) -> None:
-        """A number typed, with a point or a comma. Raises `InputError`."""
-        try:
-            value = float(text.replace(",", ".")) if text else None
-            if value is not None:
-                replace(ReadOptions(), **{key: value})
-        except InputError:
-            raise InputError("a number above 0") from None
-        except ValueError:
-            raise InputError(f"{text!r} is no number") from None
-        await self.set(key, value)
-
-    async def unit(self, role: str, unit: str) -> None:
-        units = dict(self.options.get("units", {}))
-        units.pop(role, None)
-        await self.set("units", units | ({role: unit} if unit else {}))
-
-    async def set(self, key: str, value: Any) -> None:
-        now = {k: v for k, v in self.options.items() if k != key}
-        if value not in (None, "", False, {}):
-            now[key] = value
-        self.sheet.project.set_options(self.name, now)
-        await self.read()
-
-    async def for_all(self) -> None:
-        await self.sheet.for_all(self.name)
-
-    async def undo(self) -> None:
-        self.sheet.project.set_options(self.name, {})
-        self.form()
-        await self.read()
-
-
-def _unit(key: str) -> str:
-    return key.rpartition("_")[2]

@@ -202,6 +202,16 @@ def diagnose(project: Project) -> None:
     _log(project)
 
 
+def check_model(file: Path) -> None:
+    """Raises `InputError` where a file is no model."""
+    from softnn.mismatch.api import load_model
+
+    try:
+        load_model(file)
+    except InputError as error:
+        raise InputError(_said(error, file)) from None
+
+
 def _log(project: Project) -> None:
     """Log the diagnosis to MLflow, as `--tracking` does; for the page of results."""
     from softnn.mismatch.record import log
