@@ -118,17 +118,24 @@ def register(out: Path, runs: Runs, limits: Limits, local: bool) -> None:
             return PlainTextResponse(str(error), 400)
         return PlainTextResponse("taken")
 
-    @app.get("/project/{name}/report.html")
-    def report(name: str) -> Response:
+    def shown(name: str, pattern: str, kind: str) -> Response:
         try:
-            found = projects.opened(out, name).folder / "found" / "report.html"
+            files = sorted(projects.opened(out, name).folder.glob(pattern))
         except InputError as error:
             return PlainTextResponse(str(error), 404)
-        if not found.is_file():
-            return PlainTextResponse("There is no report yet.", 404)
-        # Whatever the report shows, it can reach nothing of these pages.
+        if not files:
+            return PlainTextResponse("It is not there yet.", 404)
+        # Whatever it shows, it can reach nothing of these pages.
         policy = {"Content-Security-Policy": f"sandbox {SANDBOX}"}
-        return FileResponse(found, media_type="text/html", headers=policy)
+        return FileResponse(files[0], media_type=kind, headers=policy)
+
+    @app.get("/project/{name}/report.html")
+    def report(name: str) -> Response:
+        return shown(name, "found/report.html", "text/html")
+
+    @app.get("/project/{name}/network.png")
+    def drawn(name: str) -> Response:
+        return shown(name, "network/*.png", "image/png")
 
 
 async def simulating(project: Project, file: Path, runs: Runs) -> None:
@@ -201,7 +208,7 @@ class Mlflow:
                 await asyncio.sleep(0.5)
                 continue
             writer.close()
-            self.link._props["href"] = f"http://127.0.0.1:{port}"
+            self.link._props["href"] = f"http://127.0.0.1:{port}/#/experiments"
             self.link.update()
             self.link.set_visibility(True)
             says(self.line, "")

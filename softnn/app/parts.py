@@ -89,9 +89,10 @@ def choice(
     do: Callable[[str], Any],
 ) -> Element:
     """A list to choose one of; `do` gets a key of `options` and nothing else."""
-    with tag("label", classes="field"):
-        tag("span", label)
+    with tag("div", classes="field"):
+        named = tag("label", label)
         with tag("select") as made:
+            named._props["for"] = made.html_id
             for key, text in options.items():
                 option = tag("option", text, value=key)
                 if key == value:
@@ -107,8 +108,8 @@ def entry(
     label: str, value: Any, do: Callable[[str], Any], number: bool = True
 ) -> Element:
     """A line to type into; what `do` refuses by `InputError` is marked as invalid."""
-    with tag("label", classes="field"):
-        tag("span", label)
+    with tag("div", classes="field"):
+        named = tag("label", label)
         made = tag(
             "input",
             type="text",
@@ -117,6 +118,7 @@ def entry(
             maxlength=100,
             inputmode="decimal" if number else "text",
         )
+        named._props["for"] = made.html_id
         told = tag("span", "", "bad", role="alert")
         told.set_visibility(False)
 
@@ -139,11 +141,11 @@ def entry(
 
 def tick(label: str, value: bool, do: Callable[[bool], Any]) -> Element:
     """A box to tick."""
-    with tag("label", classes="tick"):
+    with tag("div", classes="tick"):
         made = tag("input", type="checkbox")
         if value:
             made._props["checked"] = True
-        tag("span", label)
+        tag("label", label, for_=made.html_id)
     return made.on(
         "change", lambda e: do(bool(e.args)), js_handler="(e) => emit(e.target.checked)"
     )

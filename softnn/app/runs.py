@@ -66,7 +66,10 @@ class Runs:
                 env=os.environ | threads,
                 start_new_session=True,
             )
-        self._all = [r for r in self._all if r.poll() is None] + [run]
+        for gone in [r for r in self._all if r.poll() is not None]:
+            _let_go(gone)
+            self._all.remove(gone)
+        self._all.append(run)
         return run
 
     def mlflow(self, out: Path) -> int:
@@ -158,4 +161,10 @@ def _end(run: Run, patience_s: float = PATIENCE_S) -> None:
         # The leader is gone; whoever of its group ignored the first sign goes too.
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(run.pid, signal.SIGKILL)
-        return
+        break
+    _let_go(run)
+
+
+def _let_go(run: Run) -> None:
+    if run.stdin is not None:
+        run.stdin.close()

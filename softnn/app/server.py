@@ -6,6 +6,7 @@ import argparse
 import secrets
 import socket
 import sys
+from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
 
@@ -38,18 +39,19 @@ def serve(arguments: argparse.Namespace) -> int:
     print(f"softnn app: {address}\nResults are kept in {out}. Ctrl-C ends it.")
     sys.stdout.flush()
     path = f"/?token={token}" if token else "/"
-    ui.run(
-        host=host,
-        port=port,
-        title="softnn",
-        dark=None,  # as the visitor's system has it
-        language="en-GB",
-        tailwind=False,
-        reload=False,
-        show=False if arguments.no_browser else path,
-        show_welcome_message=False,
-        favicon=pages.ICON,
-    )
+    with suppress(KeyboardInterrupt):  # which uvicorn raises again once it has ended
+        ui.run(
+            host=host,
+            port=port,
+            title="softnn",
+            dark=None,  # as the visitor's system has it
+            language="en-GB",
+            tailwind=False,
+            reload=False,
+            show=False if arguments.no_browser else path,
+            show_welcome_message=False,
+            favicon=pages.ICON,
+        )
     return 0
 
 

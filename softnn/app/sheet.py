@@ -122,6 +122,8 @@ class Sheet:
         files = [f.name for f in self.project.files]
         self.common.clear()
         self.common.set_visibility(len(files) > 1)
+        if len(files) < 2:
+            return
         with self.common:
             tag("legend", "Specimens of all files")
             with tag("div", classes="form"):
@@ -131,8 +133,7 @@ class Sheet:
                     entry(label, one, partial(self.size, key))
             tick(
                 "The files count compression as positive",
-                bool(files)
-                and all(self.project.options(f).get("compression") for f in files),
+                all(self.project.options(f).get("compression") for f in files),
                 partial(self.for_all, "compression"),
             )
 
@@ -184,9 +185,7 @@ class Sheet:
         result = self.project.result
         asked = self.project.folder / "found" / "asked"
         made_of = asked.read_text() if result and asked.is_file() else ""
-        # Reading every file twice a second would be too much: their dates will do.
-        dates = [(f.name, f.stat().st_mtime_ns) for f in self.project.files]
-        now = made_of, dates, str(self.project.choices)
+        now = made_of, self.project.digest
         if self.shown == now:
             return
         self.shown = now
@@ -195,7 +194,7 @@ class Sheet:
             return
         with self.report:
             tag("h2", "4. Report")
-            if made_of != self.project.digest:
+            if made_of != now[1]:
                 tag(
                     "p",
                     "The files or the choices above have changed since this report. "

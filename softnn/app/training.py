@@ -75,13 +75,18 @@ class Training:
             self.shown = made
             self.place.clear()
             with self.place:
-                for one in result["materials"] if result else []:
-                    self.material(one)
                 if result:
+                    tag("h2", "What it reaches")
+                    tag(
+                        "img",
+                        src=f"/project/{self.project.id}/network.png?{result['made']}",
+                        alt="Error and R2 of the folds over the number of neurons",
+                    )
+                    for one in result["materials"]:
+                        self.material(one)
                     self.downloads()
 
     def material(self, one: dict[str, Any]) -> None:
-        tag("h2", "What it reaches")
         head = one["headline"]
         tag(
             "p",

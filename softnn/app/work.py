@@ -360,7 +360,8 @@ def mlflow(out: Path, port: str) -> int:
 
 def _with_parent() -> None:
     """End when the server, which holds the other end of standard input, is gone."""
-    sys.stdin.buffer.read()
+    while os.read(0, 4096):  # not sys.stdin: its lock would outlive the interpreter
+        pass
     os.killpg(0, signal.SIGKILL)  # a group of its own, with all that it started
 
 
