@@ -120,8 +120,8 @@ class Card:
         except InputError as error:
             told = {"columns": [], "recordings": [], "notes": [], "doubt": ""}
             told["error"] = str(error)
-        if self.name not in self.sheet.cards:
-            return  # taken away in the meantime
+        if self.name not in self.sheet.cards or self.place.is_deleted:
+            return  # removed, or the page was closed, in the meantime
         self.sheet.seen[self.name] = told
         self.tell(told)
         if first:

@@ -5,19 +5,28 @@ Texts are set as text, never as HTML, so a name may hold anything.
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from nicegui import run, ui
 from nicegui.element import Element
 
+from softnn.app import work
 from softnn.app.project import Project
 from softnn.app.runs import Runs
 from softnn.contracts import InputError
 
+FILES = {  # beside a model, as they are
+    "report.html": "Report",
+    "model.json": "Model",
+    "diagnosis.json": "All figures",
+    "network.json": "Network",
+}
 HERE = Path(__file__).parent
 SANDBOX = "allow-scripts allow-popups allow-downloads"
 
@@ -220,6 +229,51 @@ class Watched:
             ended_well = state.get("ended") in (None, "done")
             says(self.line, "" if ended_well else state.get("line", ""))
         return going
+
+
+class Downloads:
+    """Buttons that take a model away, as it is or in another form."""
+
+    def __init__(
+        self, runs: Runs, project: Project, model: Path, forms: Mapping[str, str]
+    ) -> None:
+        self.runs, self.project, self.model, self.forms = runs, project, model, forms
+        self.stem = Path(project.title).stem.replace(" ", "_") or "model"
+        tag("h2", "Take it with you")
+        with tag("div", classes="row"):
+            for file, text in FILES.items():
+                if (place := model.parent / file).is_file():
+                    button(
+                        text, partial(ui.download.file, place, f"{self.stem}-{file}")
+                    )
+            for form, text in forms.items():
+                button(text, partial(self.export, form, False))
+        self.told = tag("div", role="status")
+
+    async def export(self, form: str, anyway: bool) -> None:
+        ask = self.project, self.model, form, self.stem, anyway
+        self.told.clear()
+        try:
+            name, content, lines = await self.runs.ask(work.exported, *ask)
+        except InputError as error:
+            if not self.told.is_deleted:
+                self.refused(form, str(error))
+            return
+        if self.told.is_deleted:
+            return  # the page was closed in the meantime
+        ui.download.content(content, name)
+        if lines:
+            with self.told, tag("ul", classes="notes"):
+                for line in lines:
+                    tag("li", line)
+
+    def refused(self, form: str, why: str) -> None:
+        wanted = re.sub(r"; --(anyway|leave-out \w+) .*", "", why)
+        with self.told:
+            tag("p", f"{self.forms[form]}: {wanted}", "say")
+            if wanted != why:
+                again = partial(self.export, form, True)
+                button(f"Write the {self.forms[form]} anyway", again)
 
 
 def figure(points: str, width: float, height: float, caption: str, says_: str) -> None:

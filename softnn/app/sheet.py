@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from nicegui import ui
 
-from softnn.app import work
 from softnn.app.card import SIZES, Card, number
 from softnn.app.parts import (
     SANDBOX,
+    Downloads,
     Watched,
-    button,
     choice,
     drop,
     entry,
@@ -24,7 +22,6 @@ from softnn.app.parts import (
 )
 from softnn.app.project import MODEL, Project
 from softnn.app.runs import Runs
-from softnn.contracts import InputError
 from softnn.report.page import BASES
 
 # What is true of one specimen alone, and not copied to other files.
@@ -214,33 +211,5 @@ class Sheet:
                 title="Report of the diagnosis",
                 sandbox=SANDBOX,
             )
-            tag("h2", "5. Take it with you")
-            self.told = tag("p", "", "say", role="alert")
-            says(self.told, "")
-            with tag("div", classes="row"):
-                for file, text in (
-                    ("report.html", "Report"),
-                    ("model.json", "Model"),
-                    ("diagnosis.json", "All figures"),
-                ):
-                    button(text, partial(self.file, file))
-                for form, text in MADE.items():
-                    button(text, partial(self.export, form))
-
-    def file(self, name: str) -> None:
-        place = self.project.folder / "found" / name
-        ui.download.file(place, f"{self.stem}-{name}")
-
-    async def export(self, form: str) -> None:
-        model = self.project.folder / "found" / "model.json"
-        try:
-            name, content = await self.runs.ask(work.exported, model, form, self.stem)
-        except InputError as error:
-            says(self.told, f"{MADE[form]}: {error}")
-            return
-        says(self.told, "")
-        ui.download.content(content, name)
-
-    @property
-    def stem(self) -> str:
-        return Path(self.project.title).stem.replace(" ", "_") or "model"
+            model = self.project.folder / "found" / "model.json"
+            Downloads(self.runs, self.project, model, MADE)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from nicegui import ui
 
 from softnn.app import work
-from softnn.app.parts import Watched, button, choice, says, tag, tick
+from softnn.app.parts import Downloads, Watched, choice, tag, tick
 from softnn.app.project import Project
 from softnn.app.runs import Runs
-from softnn.contracts import InputError
 from softnn.report.phrases import percent
 
 NEURONS = {
@@ -84,7 +82,8 @@ class Training:
                     )
                     for one in result["materials"]:
                         self.material(one)
-                    self.downloads()
+                    network = self.project.folder / "network" / "network.json"
+                    Downloads(self.runs, self.project, network, MADE)
 
     def material(self, one: dict[str, Any]) -> None:
         head = one["headline"]
@@ -116,33 +115,6 @@ class Training:
                 text,
             )
         tag("p", one["note"], "soft small")
-
-    def downloads(self) -> None:
-        tag("h2", "Take it with you")
-        self.told = tag("p", "", "say", role="alert")
-        says(self.told, "")
-        with tag("div", classes="row"):
-            button("Network", self.file)
-            for form, text in MADE.items():
-                button(text, partial(self.export, form))
-
-    @property
-    def stem(self) -> str:
-        return Path(self.project.title).stem.replace(" ", "_") or "network"
-
-    def file(self) -> None:
-        place = self.project.folder / "network" / "network.json"
-        ui.download.file(place, f"{self.stem}-network.json")
-
-    async def export(self, form: str) -> None:
-        place = self.project.folder / "network" / "network.json"
-        try:
-            name, content = await self.runs.ask(work.exported, place, form, self.stem)
-        except InputError as error:
-            says(self.told, f"{MADE[form]}: {error}")
-            return
-        says(self.told, "")
-        ui.download.content(content, name)
 
 
 def table(names: tuple[str, ...], rows: list[tuple[Any, ...]], label: str) -> None:

@@ -302,20 +302,29 @@ def _watched(project: Project, command: Sequence[str], began: float) -> None:
 
 
 def exported(
-    model: Path, to: str, name: str, leave_out: Sequence[str] = ()
-) -> tuple[str, bytes]:
-    """The name and content of one file: what an export makes, zipped if several."""
+    project: Project, model: Path, to: str, name: str, anyway: bool
+) -> tuple[str, bytes, list[str]]:
+    """The name and content of one file, zipped if several, and what it lacks.
+
+    Raises `InputError` for a model that has no such form, or loses much in it; unless
+    it is wanted `anyway`.
+    """
+    from softnn.export.command import CARDS, compared
     from softnn.export.files import Options, export
+    from softnn.export.parts import UNSTEPPED
     from softnn.model_file import read_model
 
-    made = export(read_model(model), to, name, Options(leave_out=tuple(leave_out)))
+    stored = read_model(model)
+    options = Options(leave_out=tuple(UNSTEPPED) if anyway else ())
+    made = export(stored, to, name, options)
+    lines = compared(stored, read_all(project), anyway) if to in CARDS else []
     if len(made) == 1:
-        return next(iter(made.items()))
+        return (*next(iter(made.items())), lines)
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for file, content in made.items():
             archive.writestr(file, content)
-    return f"{name}-{to}.zip", packed.getvalue()
+    return f"{name}-{to}.zip", packed.getvalue(), lines
 
 
 # -- a run of its own ------------------------------------------------------------------
