@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pandas as pd
 import pytest
@@ -28,8 +29,14 @@ async def chunks(*parts):
         yield part
 
 
+def done(work):
+    """The result of a coroutine, in a loop of its own: a browser's may be running."""
+    with ThreadPoolExecutor(1) as other:
+        return other.submit(asyncio.run, work).result()
+
+
 def sent(project, name, *parts, limits=LIMITS):
-    return asyncio.run(received(project, name, chunks(*parts), limits))
+    return done(received(project, name, chunks(*parts), limits))
 
 
 # -- what is dropped -------------------------------------------------------------------
@@ -190,7 +197,7 @@ def answer(guard, headers, query="", kind="http", body=()):
         "query_string": query.encode(),
         "headers": [(k.encode(), v.encode()) for k, v in headers.items()],
     }
-    asyncio.run(guard(scope, receive, send))
+    done(guard(scope, receive, send))
     return got[0]
 
 

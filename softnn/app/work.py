@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from softnn import readers
-from softnn.app.project import Project
+from softnn.app.project import Project, safe
 from softnn.contracts import Array, InputError
 from softnn.plausible import check_plausible, understood
 from softnn.readers import ReadOptions
@@ -244,7 +244,6 @@ def _replaced(project: Project, name: str, save: Any) -> None:
 
 def network(project: Project) -> None:
     """Write `network`, by `python -m studies.neurons` on the recordings as tidy CSV."""
-    from softnn.cli import write_tidy
     from softnn.readers.tidy import write_index
     from softnn.tracking import fetched
 
@@ -254,8 +253,10 @@ def network(project: Project) -> None:
     stem = re.sub(r"[^\w-]+", "_", Path(project.title).stem)
     source = project.folder / f"{stem}-{project.id[-8:]}"
     shutil.rmtree(source, ignore_errors=True)
-    taken: set[str] = set()
-    written = {write_tidy(r, source, taken).name: r for r in read_all(project)}
+    source.mkdir()
+    written = {f"{i}-{safe(r.name)}.csv": r for i, r in enumerate(read_all(project), 1)}
+    for file, recording in written.items():
+        recording.to_frame().to_csv(source / file, index=False)
     write_index(source, written)
     where = tracking(project)
 
