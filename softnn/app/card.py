@@ -119,7 +119,7 @@ class Card:
             told = await self.sheet.runs.ask(work.understand, self.file_, given, as_is)
         except InputError as error:
             told = {"columns": [], "recordings": [], "notes": [], "doubt": ""}
-            told["error"] = str(error)
+            told |= {"error": str(error), "no_test": ""}
         if self.name not in self.sheet.cards or self.place.is_deleted:
             return  # removed, or the page was closed, in the meantime
         self.sheet.seen[self.name] = told
@@ -134,13 +134,16 @@ class Card:
 
     def tell(self, told: dict[str, Any]) -> None:
         wrong = told["error"] or told["doubt"]
-        self.state.classes(remove="good bad", add="bad" if wrong else "good")
+        kind = "bad" if wrong else "soft" if told["no_test"] else "good"
+        self.state.classes(remove="good bad soft", add=kind)
         word = "not read" if told["error"] else "in doubt" if wrong else "understood"
-        says(self.state, word)
+        says(self.state, "no test: passed over" if told["no_test"] else word)
         self.facts.clear()
         with self.facts:
             if wrong:
                 tag("p", worded(wrong), "say")
+            if told["no_test"]:
+                tag("p", worded(told["no_test"]), "soft small")
             for r in told["recordings"]:
                 self.recording(r, len(told["recordings"]) > 1)
             notes = list(told["notes"])
@@ -159,8 +162,6 @@ class Card:
         with tag("div", classes="seen"):
             figure(
                 r["curve"],
-                work.WIDTH,
-                work.HEIGHT,
                 ranges,
                 f"Curve of {up} over {across}",
             )
@@ -176,6 +177,7 @@ class Card:
                 "Columns": columns,
                 "Sign": r["sign"],
                 "Geometry": sizes or "not given",
+                "Simulation": "its column simulated_MPa" if r["simulated"] else "",
                 "File kind": r["dialect"],
             }
             with tag("dl", classes="facts"):

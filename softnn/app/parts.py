@@ -253,14 +253,18 @@ class Downloads:
     async def export(self, form: str, anyway: bool) -> None:
         ask = self.project, self.model, form, self.stem, anyway
         self.told.clear()
+        with self.told:
+            waiting = tag("p", f"Writing the {self.forms[form]}.", "soft")
         try:
             name, content, lines = await self.runs.ask(work.exported, *ask)
         except InputError as error:
             if not self.told.is_deleted:
+                waiting.delete()
                 self.refused(form, str(error))
             return
         if self.told.is_deleted:
             return  # the page was closed in the meantime
+        waiting.delete()
         ui.download.content(content, name)
         if lines:
             with self.told, tag("ul", classes="notes"):
@@ -270,22 +274,14 @@ class Downloads:
     def refused(self, form: str, why: str) -> None:
         wanted = re.sub(r"; --(anyway|leave-out \w+) .*", "", why)
         with self.told:
-            tag("p", f"{self.forms[form]}: {wanted}", "say")
+            tag("p", f"{self.forms[form]}: {wanted}.", "say")
             if wanted != why:
                 again = partial(self.export, form, True)
                 button(f"Write the {self.forms[form]} anyway", again)
 
 
-def figure(points: str, width: float, height: float, caption: str, says_: str) -> None:
-    """A small curve as SVG."""
-    with tag("figure"):
-        with tag(
-            "svg",
-            viewBox=f"-2 -2 {width + 4:g} {height + 4:g}",
-            role="img",
-            aria_label=says_,
-            preserveAspectRatio="none",
-        ):
-            tag("rect", "", "frame", x=-1, y=-1, width=width + 2, height=height + 2)
-            tag("polyline", points=points)
+def figure(svg: str, caption: str, says_: str) -> None:
+    """A small curve, as `softnn.glance` draws it: numbers alone, so it is safe."""
+    with tag("figure", role="img", aria_label=says_):
+        ui.html(svg, sanitize=False)
         tag("figcaption", caption)

@@ -137,7 +137,7 @@ class Sheet:
     # -- simulation --------------------------------------------------------------------
 
     def bases(self) -> dict[str, str]:
-        usual = "as usual: simulated_MPa of the files, else PL-Wiechert"
+        usual = "the simulation in the files, else PL-Wiechert"
         own = "the model.json that was dropped"
         dropped = (self.project.folder / MODEL).is_file()
         return {"": usual} | ({MODEL: own} if dropped else {}) | BASES
@@ -167,7 +167,7 @@ class Sheet:
         read = [self.seen.get(n) for n in names]
         wrong = sum(bool(r and (r["error"] or r["doubt"])) for r in read)
         lacking = ""
-        if not names:
+        if not any(not r or r["recordings"] for r in read) and not wrong:
             lacking = "Add a recording first."
         elif wrong:
             needs = "1 file needs" if wrong == 1 else f"{wrong} files need"

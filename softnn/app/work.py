@@ -20,26 +20,27 @@ import time
 import traceback
 import zipfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from softnn import readers
-from softnn.app.project import Project, safe
+from softnn import glance, readers
+from softnn.app.project import MODEL, Project, safe
 from softnn.contracts import Array, InputError
 from softnn.plausible import check_plausible, understood
+from softnn.progress import Progress, heard, stage
 from softnn.readers import ReadOptions
+from softnn.readers.lacking import NoRecording
 from softnn.readers.source import open_source
 from softnn.readers.table import find_tables
 from softnn.readers.units import known
 from softnn.readers.vocabulary import DIMENSION
 from softnn.recording import Recording
-from softnn.report.picture import kept
 
-DRAWN = 400  # points of a small curve
-WIDTH, HEIGHT = 320.0, 180.0  # of it
+TOLD_S = 0.3  # between two words of a run
 NETWORK = {"neurons": "2,4,8", "folds": "5", "cycles": False}  # small: half a minute
 UNITS = {role: known(d).split(", ") for role, d in DIMENSION.items()}
 
@@ -50,7 +51,8 @@ UNITS = {role: known(d).split(", ") for role, d in DIMENSION.items()}
 def understand(file: Path, options: dict[str, Any], as_is: bool) -> dict[str, Any]:
     """What is understood of a file, in plain values, or why nothing is.
 
-    `error`: it cannot be read so; `doubt`: it can, but hardly is what it seems.
+    `error`: it cannot be read so; `doubt`: it can, but hardly is what it seems;
+    `no_test`: it holds no test, and is passed over.
     """
     told: dict[str, Any] = {
         "columns": [],
@@ -58,10 +60,14 @@ def understand(file: Path, options: dict[str, Any], as_is: bool) -> dict[str, An
         "notes": [],
         "error": "",
         "doubt": "",
+        "no_test": "",
     }
-    try:
+    with suppress(InputError):  # then `read` says what is wrong with the file
         told["columns"] = _columns(file)
+    try:
         found = readers.read(file, ReadOptions(**options))
+    except NoRecording as error:
+        return told | {"no_test": _said(error, file)}
     except InputError as error:
         return told | {"error": _said(error, file)}
     except Exception as error:  # a fault of softnn: the other files are worth reading
@@ -109,7 +115,8 @@ def _facts(r: Recording) -> dict[str, Any]:
             if getattr(r.geometry, f.name) is not None
         },
         "sign": _sign(strain),
-        "curve": curve(r.strain, r.stress_MPa),
+        "curve": glance.svg([(r.strain, r.stress_MPa)]),
+        "simulated": r.simulated_MPa is not None,
         "axes": [r.axes.strain.label, r.axes.stress.label],
         "ranges": [
             (axis.name, axis.unit.strip("-"), (float(v.min()), float(v.max())))
@@ -126,31 +133,13 @@ def _sign(strain: Array) -> str:
     return "tension (positive)" if high > 10 * -low else "tension and compression"
 
 
-def curve(x: Array, y: Array) -> str:
-    """Points of an SVG line of y over x, `WIDTH` by `HEIGHT`.
-
-    >>> curve(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 0.0]))
-    '0.0,180.0 160.0,0.0 320.0,180.0'
-    """
-    good = np.isfinite(x) & np.isfinite(y)
-    x, y = x[good], y[good]
-    if not len(x):
-        return ""
-    keep = kept(y, DRAWN)
-    across = WIDTH * (x - x.min()) / max(float(np.ptp(x)), 1e-300)
-    down = HEIGHT * (y.max() - y) / max(float(np.ptp(y)), 1e-300)
-    return " ".join(
-        f"{a:.1f},{b:.1f}" for a, b in zip(across[keep], down[keep], strict=True)
-    )
-
-
 def read_all(project: Project) -> list[Recording]:
     """The recordings of a project as its visitor wants them read."""
-    return [
-        r
-        for file in project.files
-        for r in readers.read(file, ReadOptions(**_reading(project, file)))
-    ]
+    found = []
+    for file in project.files:
+        with suppress(NoRecording):
+            found += readers.read(file, ReadOptions(**_reading(project, file)))
+    return found
 
 
 def _reading(project: Project, file: Path) -> dict[str, Any]:
@@ -175,25 +164,31 @@ def example(folder: Path) -> None:
 def diagnose(project: Project) -> None:
     """Write `found`, by what `softnn diagnose` calls."""
     from softnn import __version__
-    from softnn.mismatch import diagnosis
+    from softnn.mismatch.api import diagnose as api_diagnose
     from softnn.mismatch.api import plausible
-    from softnn.mismatch.batch import base
-    from softnn.mismatch.case import Case
+    from softnn.mismatch.case import case_of
 
     digest, choices = project.digest, project.choices
     began = time.time()
-    project.tell("diagnose", stage="reading", began=began)
-    recordings = read_all(project)
-    case = Case(
-        project.title,
-        tuple(recordings),
-        history=choices["history"],
-        specimen={r.name: r.specimen for r in recordings if r.specimen},
-    )
-    case = plausible(case, all(o.get("as_is") for o in choices["files"].values()))
-    project.tell("diagnose", stage="diagnosing", began=began)
-    model = base(_model_of(project)) if choices["base"] else None
-    found = diagnosis.diagnose(case, model)
+    told = 0.0
+
+    def tell(progress: Progress) -> None:
+        nonlocal told
+        if time.time() - told > TOLD_S or progress.steps == 0:
+            told = time.time()
+            steps = f", step {progress.steps}" if progress.steps else ""
+            now = (progress.stage or "diagnosing") + steps
+            project.tell("diagnose", stage=now, began=began)
+
+    with heard(tell):
+        stage("reading")
+        recordings = read_all(project)
+        case = case_of(recordings, project.title, history=choices["history"])
+        as_is = all(o.get("as_is") for o in choices["files"].values())
+        case = plausible(case, bool(choices["files"]) and as_is)
+    base = choices["base"]
+    model = str(project.folder / base) if base == MODEL else base or None
+    found = api_diagnose(case, model, progress=tell)
     found.result["provenance"] = {"softnn": __version__, "seed": 0, "command": "app"}
     project.tell("diagnose", stage="writing", began=began)
     _replaced(project, "found", found.save)
@@ -222,12 +217,6 @@ def _log(project: Project) -> None:
 def tracking(project: Project) -> str:
     """MLflow's address, the same for all projects."""
     return f"sqlite:///{project.folder.parent / 'mlflow.db'}"
-
-
-def _model_of(project: Project) -> str:
-    """The base by name, or the path of the model.json that was dropped."""
-    name = str(project.choices["base"])
-    return str(project.folder / name) if name.endswith(".json") else name
 
 
 def _replaced(project: Project, name: str, save: Any) -> None:

@@ -105,6 +105,6 @@ def compared(model: Any, recordings: Sequence[Recording], anyway: bool) -> list[
 
 
 def _read(files: Sequence[str]) -> list[Recording]:
-    from softnn.readers import read
+    from softnn.mismatch.api import read
 
-    return [r for file in files for r in read(file)]
+    return read(files) if files else []
