@@ -1,4 +1,4 @@
-"""One file on the page: what was understood of it, and where that is corrected."""
+"""One file on the page: its curve and columns as understood, and their correction."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ async def number(
 
 
 class Card:
-    """One file: what was understood of it, and where that is corrected."""
+    """One file: its facts as read, and a form that corrects them."""
 
     def __init__(self, sheet: Sheet, file: Path) -> None:
         self.sheet, self.name, self.file_ = sheet, file.name, file

@@ -16,8 +16,8 @@ def add_app(commands: Any) -> None:
         "app",
         help="the same in a browser: drop files, look, diagnose, download",
         description="Serve pages to this machine alone and open a browser on them: "
-        "drop recordings, see what was understood, correct it, diagnose, read the "
-        "report, download the model. Ctrl-C ends it.",
+        "drop recordings, check their columns and sizes, diagnose, read the report, "
+        "download the model. Ctrl-C ends the server and its runs.",
         epilog="Example: softnn app --out my_results",
     )
     parser.add_argument(

@@ -239,7 +239,7 @@ class guarded:
 async def received(
     project: Project, name: str, content: AsyncIterator[bytes], limits: Limits
 ) -> Path:
-    """Write what is sent into the project, no more than allowed; its file."""
+    """Write a dropped file into the project, no more than allowed; its path."""
     if len(project.files) >= limits.files:
         raise InputError(f"not taken: a project holds {limits.files} files at most")
     place = project.place_of(name)

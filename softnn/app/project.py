@@ -1,14 +1,14 @@
-"""What a visitor works on: a folder of dropped files, what was chosen, what came of it.
+"""A project: the folder of dropped files, of the visitor's choices and of the results.
 
     OUT/20261128-143205-1f3a90c2/
-        files/         what was dropped, under names that lead nowhere else
-        base.json      a model that was dropped among them
-        choices.json   what the visitor set: options of each file, the base
-        found/         what `softnn diagnose` writes
-        network/       what the study of networks writes
+        files/         dropped recordings, under harmless names
+        base.json      a dropped model
+        choices.json   options of each file, the base
+        found/         the files of `softnn diagnose`
+        network/       the files of the study of networks
         *.state.json   how far a run is, or how it ended
 
-All that a page shows comes from here, so a page that is closed loses nothing.
+Pages show nothing but this folder, so a closed page loses nothing.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from softnn.app.project import MODEL, Project
 from softnn.app.runs import Runs
 from softnn.report.page import BASES
 
-# What is true of one specimen alone, and not copied to other files.
+# Options of one specimen alone: not copied to other files.
 OWN = ("specimen",)
 HISTORIES = {
     "fresh": "at rest",
@@ -90,7 +90,7 @@ class Sheet:
         self.watch()
 
     async def like(self, name: str) -> None:
-        """What was set for one file becomes so for all of them."""
+        """All files get the options of one."""
         given = self.project.options(name)
         for other, card in self.cards.items():
             if other != name:
@@ -162,7 +162,7 @@ class Sheet:
     # -- diagnosis ---------------------------------------------------------------------
 
     def watch(self) -> None:
-        """Bring what is shown of the run and of its report up to date."""
+        """Show the state of the run and the newest report."""
         names = [f.name for f in self.project.files]
         read = [self.seen.get(n) for n in names]
         wrong = sum(bool(r and (r["error"] or r["doubt"])) for r in read)

@@ -49,7 +49,7 @@ UNITS = {role: known(d).split(", ") for role, d in DIMENSION.items()}
 
 
 def understand(file: Path, options: dict[str, Any], as_is: bool) -> dict[str, Any]:
-    """What is understood of a file, in plain values, or why nothing is.
+    """Facts of a file as softnn reads it, in plain values, or why it does not.
 
     `error`: it cannot be read so; `doubt`: it can, but hardly is what it seems;
     `no_test`: it holds no test, and is passed over.
@@ -62,7 +62,7 @@ def understand(file: Path, options: dict[str, Any], as_is: bool) -> dict[str, An
         "doubt": "",
         "no_test": "",
     }
-    with suppress(InputError):  # then `read` says what is wrong with the file
+    with suppress(InputError):  # then `read` says why
         told["columns"] = _columns(file)
     try:
         found = readers.read(file, ReadOptions(**options))

@@ -1,8 +1,8 @@
 r"""How far a material card is from its model, in stress.
 
-A finite-element code makes of a card, in uniaxial tension of an incompressible strip
-with stretch $\lambda = 1 + \varepsilon$, a deviatoric stress that relaxes at the strain
-it was born at (Simo 1987; Abaqus Theory Guide 4.8.2, Mechanical APDL Theory 4.6.6):
+Finite-element codes relax the deviatoric second Piola-Kirchhoff stress (Simo 1987,
+doi:10.1016/0045-7825(87)90107-1). In an incompressible strip of stretch
+$\lambda = 1 + \varepsilon$:
 
 $$ S_k(t) = \Big(1 - \sum_i g_i\Big) S_k^0(t)
    + \sum_i g_i \int_0^t e^{-(t-s)/\tau_i}\, \dot S_k^0(s)\, ds, $$
@@ -122,7 +122,7 @@ def _curve(made: Card, strain: Array) -> Array:
 
 
 def _softened(made: Card, strain: Array, r: float, m: float, beta: float) -> Array:
-    """What is left (n,) of the stress: 1 - erf((W_m - W)/(m + beta W_m))/r."""
+    """The share (n,) of the stress that remains: 1 - erf((W_m - W)/(m + beta W_m))/r."""
     fine = np.linspace(min(strain.min(), 0.0), max(strain.max(), 0.0), 2001)
     stress = _curve(made, fine)
     steps = np.diff(fine) * (stress[1:] + stress[:-1]) / 2
