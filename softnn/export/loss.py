@@ -122,7 +122,7 @@ def _curve(made: Card, strain: Array) -> Array:
 
 
 def _softened(made: Card, strain: Array, r: float, m: float, beta: float) -> Array:
-    """The share (n,) of the stress that remains: 1 - erf((W_m - W)/(m + beta W_m))/r."""
+    """The share (n,) of the stress that is left: 1 - erf((W_m - W)/(m + b W_m))/r."""
     fine = np.linspace(min(strain.min(), 0.0), max(strain.max(), 0.0), 2001)
     stress = _curve(made, fine)
     steps = np.diff(fine) * (stress[1:] + stress[:-1]) / 2
