@@ -15,6 +15,7 @@ import argcomplete
 import numpy as np
 
 from softnn import __version__
+from softnn.app.command import add_app
 from softnn.contracts import InputError, nearest
 from softnn.datasets.command import add_data
 from softnn.export.command import add_export
@@ -45,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add_export(commands)
     add_demo(commands)
     add_data(commands)
+    add_app(commands)
     _add_rerun(commands)
     argcomplete.autocomplete(parser)  # ends here where a shell asks
     words = sys.argv[1:] if argv is None else list(argv)

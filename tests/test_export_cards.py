@@ -1,14 +1,19 @@
 """Cards carry the numbers of the model, and say what they cannot carry."""
 
+import json
+
 import numpy as np
 import pytest
 from export_made import network, piece
 
+from softnn.cli import main
 from softnn.contracts import InputError
 from softnn.effects import effect
+from softnn.export.cards import card
 from softnn.export.files import export, stored_of
+from softnn.export.loss import loss
 from softnn.fit import Piece
-from softnn.model_file import Stored
+from softnn.model_file import Stored, read_model
 from softnn.models import (
     StandardLinearSolid,
 )
@@ -86,3 +91,98 @@ def test_a_card_of_one_straight_spring_relaxes_exactly():
 def test_a_network_has_no_card():
     with pytest.raises(InputError, match="no material card"):
         export(network(), "ansys", "a")
+
+
+def stored_card(path, **softening):
+    """The model above as a file."""
+    model = card_model(**softening)
+    effects = [
+        {
+            "effect": one.effect.id,
+            "form": one.effect.form,
+            "values": {k: float(np.ravel(v)[0]) for k, v in one.values.items()},
+            "own": own,
+        }
+        for one, own in zip(model.pieces, model.own, strict=True)
+    ]
+    base = {
+        "name": model.units.name,
+        "knots": list(model.units.knots),
+        "relaxation_times_s": list(model.units.relaxation_times),
+        "stiffness_MPa": model.stiffness.tolist(),
+    }
+    content = {
+        "kind": "softnn-model",
+        "version": 1,
+        "history": "fresh",
+        "base": base,
+        "effects": effects,
+    }
+    path.write_text(json.dumps(content))
+    return path
+
+
+def exported(path, out, *more):
+    return main(["export", str(path), "--to", "abaqus", "--out", str(out), *more])
+
+
+def test_the_command_says_what_a_card_lacks_and_how_much_that_is(tmp_path, capsys):
+    file = stored_card(tmp_path / "m.json", depth=0.05, scale=0.3, sharpness=0.7)
+    out = tmp_path / "out"
+    assert exported(file, out) == 0
+    told = capsys.readouterr()
+    assert told.out == f"{out / 'm.inp'}\n"
+    assert "off the model's, over cycles to a strain of 0.6" in told.err
+    assert "not carried: slack (Slack): toe 0, gap 0.024" in told.err
+
+
+def test_a_card_far_off_is_refused_until_it_is_wanted_anyway(tmp_path, capsys):
+    file = stored_card(tmp_path / "m.json", depth=0.05, scale=0.3, sharpness=0.7)
+    content = json.loads(file.read_text())
+    content["effects"][1]["values"]["gap"] = 0.1
+    file.write_text(json.dumps(content))
+    out = tmp_path / "out"
+    assert exported(file, out) == 2
+    error = capsys.readouterr().err
+    assert not out.exists()
+    assert error.count("\n") == 1
+    assert "slack" in error
+    found = loss(read_model(file), card(read_model(file)))
+    assert f"{100 * found.whole:.2g} % off" in error
+    assert dict(found.of)["slack"] > 0.1
+    assert exported(file, out, "--anyway") == 0
+    assert (out / "m.inp").exists()
+
+
+def test_a_card_is_compared_over_the_recordings_that_are_given(tmp_path, capsys):
+    """A gap of 0.02 is much of a strain of 0.05, and little of one of 0.6."""
+    file = stored_card(tmp_path / "m.json", depth=0.05, scale=0.3, sharpness=0.7)
+    content = json.loads(file.read_text())
+    content["effects"][1]["values"]["gap"] = 0.02
+    file.write_text(json.dumps(content))
+    time = np.linspace(0, 20, 201)
+    for name, high in (("small", 0.05), ("large", 0.6)):
+        strain = high * (1 - np.abs(time / 10 - 1))
+        rows = np.column_stack([time, strain, strain])
+        np.savetxt(
+            tmp_path / f"{name}.csv",
+            rows,
+            delimiter=",",
+            header="time_s,strain,stress_MPa",
+            comments="",
+        )
+    small, large = (str(tmp_path / f"{n}.csv") for n in ("small", "large"))
+    assert exported(file, tmp_path / "a", "--recordings", small) == 2
+    assert "over 1 recording;" in capsys.readouterr().err
+    assert exported(file, tmp_path / "b", "--recordings", large) == 0
+
+
+def test_a_spring_alone_has_a_card_that_is_the_model():
+    units = Units("pl-sls", (0.0, 0.1, 0.3, 0.6), ())
+    model = Stored(units, np.array([6.0, 5.0, 7.0]), (), (), False, "fresh")
+    assert loss(model, card(model)).whole < 1e-9
+
+
+def test_the_curve_is_said_to_be_the_one_before_anything_relaxes():
+    text = export(card_model(), "abaqus", "a")["a.inp"].decode()
+    assert "*Hyperelastic, marlow, moduli=INSTANTANEOUS\n" in text

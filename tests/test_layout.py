@@ -34,6 +34,7 @@ ORDER = (
     ("export", "motor"),
     ("actuator",),
     ("study",),
+    ("app",),
     ("cli",),
 )
 RANK = {name: i for i, row in enumerate(ORDER) for name in row}
@@ -41,6 +42,7 @@ RANK = {name: i for i, row in enumerate(ORDER) for name in row}
 # One home for each heavy dependency: whoever replaces it edits one place.
 HOMES = {"optuna": "search", "mlflow": "tracking", "torch": "neural", "onnx": "export"}
 HOMES |= {"plotly": "report", "jinja2": "report", "pooch": "datasets"}
+HOMES |= {"nicegui": "app", "fastapi": "app"}
 
 
 def modules(folder: Path) -> list[Path]:

@@ -21,6 +21,7 @@ from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 
 POINTS = 12  # of the curve, a segment
+LEAST = 1e-3  # of the stress, that lasts: shares must add up to less than 1
 MULLINS = "MullinsSoftening"
 
 
@@ -29,7 +30,8 @@ class Card:
     """What a card says: curve (n,), shares and times of the Prony series, Mullins.
 
     `lasting_error` is the largest distance of the card's relaxed curve from the
-    model's, over the largest stress of that.
+    model's, over the largest stress of that. `missing` are lines on what the card
+    lacks, `left_out` the places of the effects among them in the model.
     """
 
     strain: Array
@@ -39,6 +41,7 @@ class Card:
     mullins: tuple[float, float, float] | None
     lasting_error: float
     missing: tuple[str, ...]
+    left_out: tuple[int, ...] = ()
 
 
 def card(model: Stored | StoredNetwork) -> Card:
@@ -65,11 +68,18 @@ def card(model: Stored | StoredNetwork) -> Card:
         raise InputError(
             "the curve does not rise with strain; a card needs one that does"
         )
-    kept = float(lasting @ whole / (whole @ whole))
+    fits = float(lasting @ whole / (whole @ whole))
+    kept = max(fits, LEAST) if len(used) else 1.0
     shares = (1 - kept) * branches[used] / max(branches.sum(), 1e-300)
-    off = np.max(np.abs(kept * whole - lasting)) / np.max(np.abs(lasting))
-    softening, missing = None, []
-    for piece in model.pieces:
+    least = max(np.max(np.abs(lasting)), LEAST * np.max(np.abs(whole)))
+    off = np.max(np.abs(kept * whole - lasting)) / least
+    softening, missing, left_out = None, list[str](), list[int]()
+    if kept > fits:
+        missing.append(
+            f"the model relaxes to {100 * fits:.2g} % of its stress, the card to "
+            f"{100 * LEAST:g} %: shares must add up to less than 1"
+        )
+    for i, piece in enumerate(model.pieces):
         law, p = piece.effect, piece.values
         if law.form == MULLINS and softening is None and 0 < p["depth"] < 1:
             softening = _mullins(p, strain, whole)
@@ -77,6 +87,7 @@ def card(model: Stored | StoredNetwork) -> Card:
         else:
             values = ", ".join(f"{k} {np.max(v):.4g}" for k, v in p.items())
             missing.append(f"{law.id} ({law.form}): {values}")
+            left_out.append(i)
     if model.learned is not None:
         missing.append("a learned correction")
     return Card(
@@ -87,6 +98,7 @@ def card(model: Stored | StoredNetwork) -> Card:
         softening,
         float(off),
         tuple(remark(m, 200) for m in missing),
+        tuple(left_out),
     )
 
 
@@ -142,7 +154,10 @@ def abaqus(model: Stored | StoredNetwork, name: str) -> str:
     made = card(model)
     assert isinstance(model, Stored)
     out = [f"** {line}" for line in _head(model, made, "Abaqus")]
-    out += [f"*Material, name={name}", "*Hyperelastic, marlow", "*Uniaxial Test Data"]
+    # Without it Abaqus takes the curve for the relaxed one, which lies lower.
+    moduli = ", moduli=INSTANTANEOUS" if len(made.shares) else ""
+    out += [f"*Material, name={name}", f"*Hyperelastic, marlow{moduli}"]
+    out.append("*Uniaxial Test Data")
     out += [
         f"{s:.9g}, {e:.9g}"
         for e, s in zip(made.strain, made.stress_MPa, strict=True)

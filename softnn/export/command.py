@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from softnn.contracts import InputError
+
+if TYPE_CHECKING:
+    from softnn.recording import Recording
 
 FORMS = (
     "c",
@@ -15,13 +22,17 @@ FORMS = (
 )  # of `softnn.export.files`, not imported yet
 
 
+CARDS = ("abaqus", "ansys")
+
+
 def add_export(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
         help="a model.json or network.json -> C, ONNX, FMU, Abaqus, Ansys",
         description="Write a model for a controller or a finite-element code: C99 with "
         "one step function, an FMU for FMI 2.0 and 3.0, ONNX for networks, material "
-        "cards that say what they cannot carry.",
+        "cards that say what they cannot carry. A card whose stress is more than 10 % "
+        "off the model's is refused.",
         epilog="Example: softnn export found/case/model.json --to c --out controller",
     )
     parser.add_argument("model", metavar="MODEL.json")
@@ -37,6 +48,19 @@ def add_export(commands: Any) -> None:
         default=[],
         metavar="WHAT",
         help="export without what cannot be stepped (inertia, learned)",
+    )
+    parser.add_argument(
+        "--recordings",
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="over whose strain a material card is compared with the model (else over "
+        "cycles and a hold in the model's own range)",
+    )
+    parser.add_argument(
+        "--anyway",
+        action="store_true",
+        help="write a material card however far it is from the model",
     )
     parser.add_argument(
         "--interval",
@@ -57,6 +81,30 @@ def run(arguments: argparse.Namespace) -> int:
     options = Options(
         arguments.recording, tuple(arguments.leave_out), arguments.interval
     )
-    for path in write(export(model, arguments.to, name, options), arguments.out):
+    files = export(model, arguments.to, name, options)
+    lines = []
+    if arguments.to in CARDS:
+        lines = compared(model, _read(arguments.recordings), arguments.anyway)
+    for path in write(files, arguments.out):
         print(path)
+    for line in lines:
+        print(f"softnn: {line}", file=sys.stderr)
     return 0
+
+
+def compared(model: Any, recordings: Sequence[Recording], anyway: bool) -> list[str]:
+    """Lines on what a card of the model lacks. Raises `InputError` for too much."""
+    from softnn.export.cards import card
+    from softnn.export.loss import MOST, loss
+
+    made = card(model)
+    found = loss(model, made, recordings)
+    if found.whole > MOST and not anyway:
+        raise InputError(f"{found.line}; --anyway writes it all the same")
+    return [found.line, *(f"not carried: {m}" for m in made.missing)]
+
+
+def _read(files: Sequence[str]) -> list[Recording]:
+    from softnn.mismatch.api import read
+
+    return read(files) if files else []
