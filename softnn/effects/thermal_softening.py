@@ -43,7 +43,7 @@ class ThermalSoftening(Effect):
         return (ThermalSpring(), ThermalBranches(), ThermalClock(), GlassySoftening())
 
     def warmer(self, signal, state):
-        """Temperature above the reference (n,), degC; a gap keeps the last known one."""
+        """Temperature above the reference (n,), degC; gaps repeat the last one."""
         if signal.temperature_C is None:
             raise InputError(
                 "thermal_softening needs a column temperature_C; record the temperature"

@@ -361,7 +361,7 @@ class Engine:
     def _borne(
         self, units: Units, r: int, signal: Signal, stiffness: Array, carried: Carried
     ) -> tuple[Array, Carried]:
-        """Stress (n, sets) of the branches, and the state of each strain they follow."""
+        """Stress (n, sets) of the branches, and the state of their strains."""
         parts = signal.branch_parts or ((np.ones(1), signal.branch_strain),)
         total, after = np.zeros(1), []
         for (weight, strain), own in zip(
