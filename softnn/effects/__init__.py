@@ -50,7 +50,10 @@ EFFECTS: tuple[Effect, ...] = (
 
 
 def effect(name: str, form: str | None = None) -> Effect:
-    """The effect called `name`, in the form asked for.
+    """Return the effect with id `name`; with `form`, that form (class name) of its law.
+
+    Raises `InputError`, with the nearest known name, where no effect or form has the
+    name.
 
     >>> effect("slack").stage
     'rig'

@@ -1,7 +1,9 @@
-"""The recursions that are truly sequential, compiled; imported where first needed.
+"""Compiled recursions of the effects, imported when first needed (numba loads slowly).
 
-Signals are (n, sets), parameters and what is carried (sets,) or (sets, elements); a
-parameter of one value serves every set.
+Shapes: signals are (n, sets); parameters and carried states are (sets,) or (sets,
+elements). A parameter of one value serves every set. `carried` is updated in place to
+the state at the end of the chunk; `out` receives the result. Strains are fractions,
+times are in s.
 """
 
 from __future__ import annotations
@@ -14,7 +16,11 @@ ONE_POLE = 1e-6  # of the square of a quality factor, below which there is one p
 
 @numba.njit(cache=True)
 def first_order(step, signal, time_constant, before, carried, out):
-    """Output of a first-order lag for a signal that is straight between samples."""
+    """Write to `out` a first-order lag of a signal that is linear between samples.
+
+    `step` (n,) and `time_constant` are in s; `before` is the last sample of the chunk
+    before. The update is exact for such a signal.
+    """
     n, sets = signal.shape
     for s in range(sets):
         tau = time_constant[s if time_constant.size > 1 else 0]
@@ -33,10 +39,11 @@ def first_order(step, signal, time_constant, before, carried, out):
 
 @numba.njit(cache=True)
 def second_order(step, signal, delay, quality, before, carried, pace, out):
-    """Output of a filter of two poles for a signal that is straight between samples.
+    """Write to `out` a two-pole filter of a signal that is linear between samples.
 
-    `delay` is its mean one, the sum of both time constants; `quality` Q^2 their product
-    over its square. `carried` is the output, `pace` its rate.
+    `delay` [s] is the mean delay, the sum of both time constants. `quality` is Q^2, the
+    product of the time constants over the square of the delay. `carried` holds the
+    output, `pace` its rate [1/s].
     """
     n, sets = signal.shape
     for s in range(sets):
@@ -77,7 +84,11 @@ def second_order(step, signal, delay, quality, before, carried, pace, out):
 
 @numba.njit(cache=True)
 def maxwell(step, increment, time, carried, out):
-    """Unit stress of one Maxwell branch for strain that is straight between samples."""
+    """Unit stress of one Maxwell branch, strain linear between samples.
+
+    `step` (n,) and `time` [s] are the sampling step and the relaxation time;
+    `increment` (n, sets) is the change of strain.
+    """
     n, sets = out.shape
     for s in range(sets):
         j = s if increment.shape[1] > 1 else 0
@@ -94,7 +105,11 @@ def maxwell(step, increment, time, carried, out):
 
 @numba.njit(cache=True)
 def stops(increment, radius, weight, carried, out):
-    """Sum of elastic-perfectly plastic elements, each in units of its own limit."""
+    """Write to `out` the weighted sum of elastic-perfectly plastic (stop) elements.
+
+    Each element is in units of its own limit, so it stays within -1 and 1; `radius` is
+    the strain at which it slides.
+    """
     n, sets = out.shape
     elements = weight.shape[1]
     for s in range(sets):
@@ -112,7 +127,7 @@ def stops(increment, radius, weight, carried, out):
 
 @numba.njit(cache=True)
 def play(signal, pulled, pushed, carried, out):
-    """What follows within a gap: from `pulled` behind the signal to `pushed` ahead."""
+    """Follower with play: from `pulled` behind the signal to `pushed` ahead."""
     n, sets = out.shape
     for s in range(sets):
         j = s if signal.shape[1] > 1 else 0
@@ -127,7 +142,11 @@ def play(signal, pulled, pushed, carried, out):
 
 @numba.njit(cache=True)
 def bouc_wen(increment, radius, sharpness, carried, out):
-    """Bouc-Wen variable z in [-1, 1]: dz = (1 - |z|^n (z dx > 0)) dx / radius."""
+    """Bouc-Wen variable z in [-1, 1]: dz = (1 - |z|^n (z dx > 0)) dx / radius.
+
+    Wen 1976, doi:10.1061/JMCEA3.0002106. Long increments are divided and integrated by
+    the midpoint rule.
+    """
     n, sets = out.shape
     for s in range(sets):
         j = s if increment.shape[1] > 1 else 0
@@ -149,11 +168,12 @@ def bouc_wen(increment, radius, sharpness, carried, out):
 
 @numba.njit(cache=True)
 def flow(step, increment, time, threshold, exponent, carried, out):
-    """Strain of a spring in series with a nonlinear dashpot, Strang splitting.
+    """Write to `out` the strain of a spring in series with a nonlinear dashpot.
 
-    exponent 0 means Eyring, dg/dt = -(threshold/time) sinh(g/threshold), else a power
-    law, dg/dt = -(threshold/time) |g/threshold|^exponent; both relax in closed form.
-    `step` (n, 1 or sets) is that of time, or of whatever stands for it.
+    Strang splitting. Exponent 0 means Eyring, dg/dt = -(threshold/time)
+    sinh(g/threshold); any other exponent a power law, dg/dt = -(threshold/time)
+    |g/threshold|^exponent. Both relax in closed form. `step` (n, 1 or sets) is a step
+    of time or of an internal clock.
     """
     n, sets = out.shape
     for s in range(sets):
@@ -188,12 +208,13 @@ def flow(step, increment, time, threshold, exponent, carried, out):
 
 @numba.njit(cache=True)
 def reversals(strain, band, power, state, done, pending):
-    """Half cycles (n, sets) of the cycles closed so far, and of one that is open.
+    """Half cycles (n, sets): of closed cycles to `done`, of the open one to `pending`.
 
-    A reversal is a way back of `band`, a share of the largest absolute strain so far; a
-    half cycle counts by a power (sets,) of its range over the largest one so far.
-    state (sets, 7): extreme since the last reversal, direction, both counts, largest
-    strain, strain at the last reversal, largest range.
+    A reversal is a return by more than `band`, a share of the largest absolute strain
+    so far. A half cycle counts by a power (sets,) of its range over the largest range
+    so far. `state` (sets, 7) holds: the extreme since the last reversal, the direction,
+    both counts, the largest strain, the strain at the last reversal and the largest
+    range.
     """
     n, sets = strain.shape
     for s in range(sets):
@@ -228,9 +249,10 @@ def reversals(strain, band, power, state, done, pending):
 
 @numba.njit(cache=True)
 def ringing(step, kick, omega, zeta, carried, out):
-    """Force (n, sets) behind mass and mount that is kicked at the samples.
+    """Force (n, sets) of a mass on a mount that is kicked at the samples.
 
-    carried (2, sets): it and its rate; a kick is the force's integral over time.
+    `carried` (2, sets) is the force and its rate; a kick is the time integral of force.
+    `omega` [rad/s] is the resonance, `zeta` the damping ratio.
     """
     n, sets = kick.shape
     for s in range(sets):
@@ -254,9 +276,10 @@ def ringing(step, kick, omega, zeta, carried, out):
 
 @numba.njit(cache=True)
 def turning(step, kick, width, out):
-    """Force (n, sets) of kicks at the samples, each spread over time as a bell.
+    """Write to `out` the force (n, sets) of kicks at the samples, each a bell in time.
 
-    3 (1 + x + x^2 / 3) exp(-x) / (16 w) at a distance of x w, before and after.
+    The bell is 3 (1 + x + x^2 / 3) exp(-x) / (16 w) at a distance of x w, before and
+    after the kick (Matern 5/2, of unit area).
     """
     n, sets = kick.shape
     for s in range(sets):
@@ -280,7 +303,7 @@ def turning(step, kick, width, out):
 
 @numba.njit(cache=True)
 def ratchet(step, goal, time, carried, out):
-    """What follows a goal (n, 1 or sets) upwards, late by a time, and never falls."""
+    """Follower that approaches a goal (n, 1 or sets) in `time` s and never falls."""
     n, sets = out.shape
     for s in range(sets):
         j = s if goal.shape[1] > 1 else 0

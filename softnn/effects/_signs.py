@@ -1,7 +1,7 @@
-"""What recordings show by themselves, whatever the material: for `Effect.shown`.
+"""Model-free detection: what recordings show whatever the material; for `Effect.shown`.
 
-A specimen at rest that was never strained bears no stress, taut or not; and recordings
-of one material agree where one of them has a fault. No law of the material comes in.
+Two facts need no material model. A specimen at rest that was never strained bears no
+stress, taut or not. Recordings of one material agree, unless one of them has a fault.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from softnn.contracts import Array, Chunk
 from softnn.noise import quantum
 
 APART = 5.5  # times their spread, by which some recordings must differ from the others
-UNMOVED = (0.01, 1e-4)  # of the largest strain: where rest may be, and no motion
-QUIET = 6.0  # noises: stress that is none yet
-ZEROS = 0.002  # of the stress: what those of a machine of class 2 may be, ISO 7500-1
+UNMOVED = (0.01, 1e-4)  # of the largest strain: most at rest, most per step at rest
+QUIET = 6.0  # noise levels up to which a stress counts as zero
+ZEROS = 0.002  # of the stress: zero error allowed to a machine of class 2, ISO 7500-1
 FEWEST = 3  # recordings, to say which are out of line
 
 
 def minority(
     values: Array, floor: float = 0.0, above: bool = False, most: float = 0.5
 ) -> NDArray[np.integer]:
-    """Indices of the few that lie far above or below all others; maybe none.
+    """Return the indices of the few values that lie far below or above all others.
 
-    `floor`: the spread that others have at least; `above`: not below; the few are less
-    than the share `most`.
+    The result may be empty. `floor` is the least spread assumed of the others, in the
+    unit of `values`; with `above` only large values count; the few are less than the
+    share `most` of all.
     """
     order = np.argsort(values)
     n = len(order)
@@ -43,7 +44,10 @@ def minority(
 
 
 def noise(stress: Array) -> float:
-    """Of the channel, from second differences; no more is known without a law."""
+    """Return the noise of the stress channel [MPa], from second differences.
+
+    No model is used, so a curve that bends between samples counts as noise, too.
+    """
     good = stress[np.isfinite(stress)]
     if len(good) < 3:
         return 0.0
@@ -52,18 +56,18 @@ def noise(stress: Array) -> float:
 
 
 def reach(chunk: Chunk) -> float:
-    """The largest strain of a recording, without its sign."""
+    """Return the largest absolute strain of a recording."""
     return float(np.abs(chunk.strain).max())
 
 
 def peak(stress: Array) -> float:
-    """The largest stress of a recording, without its sign."""
+    """Return the largest absolute stress of a recording, MPa."""
     good = stress[np.isfinite(stress)]
     return float(np.abs(good).max()) if len(good) else 0.0
 
 
 def at_rest(chunk: Chunk, stress: Array) -> float:
-    """Stress before anything has moved; nan where a recording does not begin so."""
+    """Median stress [MPa] before any motion; nan without a rest at the start."""
     top, strain = reach(chunk), chunk.strain
     near, still = UNMOVED
     if not abs(strain[0]) < near * top:

@@ -7,7 +7,7 @@ import numpy as np
 from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import cycles
 
-BAND = 0.05  # a way back of less than this share of the largest strain is no reversal
+BAND = 0.05  # share of the largest strain; a smaller return is no reversal
 
 
 class CyclicSoftening(Effect):
@@ -15,11 +15,11 @@ class CyclicSoftening(Effect):
 
     .. math:: \sigma \to \sigma \left(1 - c \log_{10}(1 + N)\right)
 
-    loss c per decade, N the number of cycles so far. One of a smaller range counts by a
-    power of its range over the largest (0: alike; Miner 1945, doi:10.1115/1.4009458),
-    and half of it at either turn, or all of it when it is closed (`closed` 1). The
-    factor is not taken below 0.05. Payne and Whittaker 1972, doi:10.5254/1.3547464,
-    find such logarithmic laws in rubber.
+    loss c per decade, N the number of cycles so far. A cycle of smaller range counts by
+    a power of its range over the largest range; power 0 counts all cycles alike (Miner
+    1945, doi:10.1115/1.4009458). Half a cycle counts at each turn, or the whole cycle
+    when it is closed (`closed` 1). The factor stays above 0.05. Payne and Whittaker
+    1972, doi:10.5254/1.3547464, find such logarithmic laws in rubber.
 
     In a recording: peaks of equal cycles fall, fast at first, then ever more slowly.
     Mistaken for Mullins softening (over after one cycle) and for relaxation (which
@@ -61,7 +61,7 @@ class CyclicSoftening(Effect):
         return (done + (1 - p["closed"]) * half) / 2, state
 
     def grown(self, p, number):
-        """How far the loss has come after so many cycles."""
+        """How far the loss has grown after `number` cycles (n, sets), in decades."""
         return np.log10(1 + number)
 
     def after(self, p, signal, state):
@@ -75,7 +75,7 @@ class CyclicSoftening(Effect):
         return new, state
 
     def shares(self, p):
-        """Of the loss, in spring and branches."""
+        """Shares of the loss in the spring and in the branches, each (sets,)."""
         return 1.0, 1.0
 
     def starts(self, scales):

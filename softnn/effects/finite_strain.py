@@ -10,7 +10,7 @@ from softnn.contracts import Array, Effect, Parameter
 from softnn.effects._programmes import ramps
 
 FARTHEST = 2.0  # logarithmic elastic strain of a branch: seven times its length
-THINNEST = 0.05  # stretch of what is pushed flat
+THINNEST = 0.05  # smallest stretch: a specimen in compression cannot get flatter
 
 
 class FiniteStrain(Effect):
@@ -20,12 +20,12 @@ class FiniteStrain(Effect):
               \qquad \sigma_b \to \sigma_b \,(1+\varepsilon)^{-\kappa s}
 
     A branch is driven by a strain of the Seth-Hill family, and gives the stress that
-    does work on it. `amount` kappa is 0 (engineering strain), 1 (Hencky strain, and
-    true stress on the current cross-section), -1 (Green strain, and Piola and
-    Kirchhoff's second stress), or any other; `section` s, 1 where it is work, tells the
-    cross-section from the strain. Hill 1968, doi:10.1016/0022-5096(68)90031-8; Reese
-    and Govindjee 1998, doi:10.1016/S0020-7683(97)00217-5; Simo 1987,
-    doi:10.1016/0045-7825(87)90107-1.
+    does work on it. `amount` kappa selects the measure. At 0 it is engineering strain;
+    at 1 Hencky strain, with true stress on the current cross-section; at -1 Green
+    strain, with the second Piola-Kirchhoff stress. `section` s scales the effect on the
+    cross-section apart from the measure; at 1 stress and strain are work conjugate.
+    Hill 1968, doi:10.1016/0022-5096(68)90031-8; Reese and Govindjee 1998,
+    doi:10.1016/S0020-7683(97)00217-5; Simo 1987, doi:10.1016/0045-7825(87)90107-1.
 
     In a recording: relaxation and loops grow less than in proportion to strain (more,
     for kappa below 0). Mistaken for branches whose strength falls with strain, which at
@@ -75,7 +75,7 @@ class FiniteStrain(Effect):
 
 
 class StretchedBranches(FiniteStrain):
-    r"""The same with springs in the branches that are rubber, of elastic stretch e^q.
+    r"""Finite strain with rubber springs in the branches, of elastic stretch e^q.
 
     .. math:: \sigma_b \to \frac{G}{3\kappa}
               \left(e^{2\kappa q} - e^{-\kappa q}\right) (1+\varepsilon)^{-\kappa s},
@@ -115,12 +115,12 @@ class DirectedBranches(FiniteStrain):
               - \lambda^{-n/2-1} R[E_m(\lambda^{-1/2})] \right), \qquad
               E_m(\lambda) = \frac{\lambda^m - 1}{m}
 
-    R is what the branches give for a strain; axial and lateral stress relax apart, and
-    the pressure takes up what incompressibility asks for. Exponents m of strain and n
-    of stress are 0 in Hencky's measure, 2 where Piola and Kirchhoff's second stress
-    follows Green's strain, -2 and 2 in an upper-convected Maxwell element, a network
-    whose chains come and go. Hill 1968, there; Simo 1987, there; Lodge 1956,
-    doi:10.1039/TF9565200120.
+    R is the response of the branches to a strain. Axial and lateral stress relax
+    separately; the pressure keeps the volume constant. The exponents m of strain and n
+    of stress are 0 in Hencky's measure. Both are 2 where the second Piola-Kirchhoff
+    stress follows Green's strain. They are -2 and 2 in an upper-convected Maxwell
+    element, a network whose chains break and re-form. Hill 1968 and Simo 1987, as in
+    `FiniteStrain`; Lodge 1956, doi:10.1039/TF9565200120.
     """
 
     parameters = (

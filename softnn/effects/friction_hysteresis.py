@@ -20,11 +20,12 @@ class FrictionHysteresis(Effect):
     .. math:: \sigma \to \sigma + F (1 + \beta|\varepsilon|) \sum_k w_k z_k, \qquad
               z_k = \mathrm{clip}(z_k + d\varepsilon / r_k, -1, 1)
 
-    friction F in MPa (half the height of the loop), presliding strain r; radii r_k are
-    r times 1/8 to 8, weights w_k log-normal about 1 with `spread` in octaves, adding to
-    one; growth beta per unit of strain. What slides only after 15 % of strain is no
-    friction but an element that yields. Stop operators of Prandtl and Ishlinskii;
-    Krasnosel'skii and Pokrovskii 1989, doi:10.1007/978-3-642-61302-9.
+    friction F in MPa (half the height of the loop), presliding strain r, growth beta
+    per unit of strain. Radii r_k are r times 1/8 to 8. Weights w_k sum to one and are
+    log-normal about 1, with `spread` in octaves. An element that slides only after 15 %
+    of strain counts as plastic (`permanent_set`), not as friction. Stop operators of
+    Prandtl and Ishlinskii; Krasnosel'skii and Pokrovskii 1989,
+    doi:10.1007/978-3-642-61302-9.
 
     In a recording: an upper and a lower branch at a constant distance, whatever the
     rate, and no relaxation. Mistaken for viscosity where there is only one rate.
@@ -68,7 +69,7 @@ class FrictionHysteresis(Effect):
         return self._added(p, signal, loop), state
 
     def loop(self, p, signal, state):
-        """What slides, from -1 to 1."""
+        """State of the sliding elements (n, sets), from -1 to 1, and what to carry."""
         from softnn.effects._kernels import stops
 
         last, carried = (0.0, None) if state is None else state
@@ -83,7 +84,7 @@ class FrictionHysteresis(Effect):
         return out, (signal.strain[-1:], carried)
 
     def elements(self, p):
-        """Radii and weights (sets, elements) of what slides one after the other."""
+        """Radii, as strains, and the weights of the elements, each (sets, elements)."""
         radius, spread = np.broadcast_arrays(p["presliding"], p["spread"])
         weight = np.exp(-0.5 * (np.log2(RATIOS) / spread[:, None]) ** 2)
         return radius[:, None] * RATIOS, weight / weight.sum(axis=1, keepdims=True)
@@ -153,9 +154,9 @@ class WallFriction(FrictionHysteresis):
 
     .. math:: \sigma \to \sigma + \mu\,|\sigma_{spring}| \sum_k w_k z_k
 
-    In a tube the pressure on the wall goes with the axial stress, so friction grows
-    with it, and there is none before there is contact: coefficient mu is that of
-    friction times the ratio of the two. Janssen 1895, translated by Sperl 2006,
+    In a tube the wall pressure is proportional to the axial stress. So friction grows
+    with the stress and starts with contact. mu is the coefficient of friction times the
+    ratio of wall pressure to axial stress. Janssen 1895, translated by Sperl 2006,
     doi:10.1007/s10035-005-0224-z.
     """
 
@@ -182,14 +183,14 @@ class WallFriction(FrictionHysteresis):
 
 
 class GrownFriction(FrictionHysteresis):
-    r"""Friction that is the larger, the farther the specimen has ever been strained.
+    r"""Friction that grows with the largest strain so far.
 
     .. math:: \sigma \to \sigma + F\,\varepsilon_m \sum_k w_k z_k, \qquad
               \varepsilon_m = \max_{s \le t} |\varepsilon|
 
-    friction F in MPa at a largest strain of 1: what has been torn open rubs. Besdo and
-    Ihlemann 2003, doi:10.1016/S0749-6419(02)00091-8, where the limits of hysteresis go
-    with the largest strain so far.
+    friction F in MPa at a largest strain of 1: surfaces torn open by loading rub. In
+    Besdo and Ihlemann 2003, doi:10.1016/S0749-6419(02)00091-8, the limits of the
+    hysteresis grow with the largest strain so far.
     """
 
     parameters = (
@@ -217,14 +218,14 @@ class GrownFriction(FrictionHysteresis):
 
 
 class JointFriction(FrictionHysteresis):
-    r"""A joint, of which more and more slides: reaches of its elements by a power law.
+    r"""A joint that slides gradually: presliding strains follow a power law.
 
     .. math:: \sigma \to \sigma + F \sum_k w_k z_k, \qquad
               w_k \propto r_k^{1 + \chi}, \quad 0 < r_k < r
 
-    presliding strain r, at which all of it slides. Segalman 2005,
-    doi:10.1115/1.1867504, after Iwan 1966, doi:10.1115/1.3625199: elements of one
-    stiffness, with a density of reaches that goes with their power chi.
+    presliding strain r, at which the whole joint slides. All elements have one
+    stiffness; the density of their presliding strains is a power law of exponent chi.
+    Segalman 2005, doi:10.1115/1.1867504, after Iwan 1966, doi:10.1115/1.3625199.
     """
 
     parameters = (

@@ -11,10 +11,10 @@ class GainError(Effect):
 
     .. math:: \sigma \to (1 + \gamma)\,\sigma
 
-    error gamma, one a recording. It is told from a stiffer material only by other
-    recordings; where several specimens were used, a factor for each of them is no news,
-    but one far outside what the others differ by is (`softnn.mismatch.mistakes`).
-    Classes of testing machines: ISO 7500-1.
+    error gamma, one per recording. Only other recordings distinguish it from a stiffer
+    material. Specimens differ by a factor anyway; a factor far outside the spread of
+    the other specimens counts as a mistake (`softnn.mismatch.mistakes`). Classes of
+    testing machines: ISO 7500-1.
 
     In a recording: the residual is proportional to the stress, all through. Mistaken
     for softening and for temperature.

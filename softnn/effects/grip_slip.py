@@ -12,14 +12,14 @@ from softnn.contracts import Array, Chunk, Effect, Parameter, increments
 from softnn.effects._programmes import cycles
 from softnn.effects._signs import FEWEST, QUIET, minority, noise, reach
 
-SOME = 0.45  # of the recordings, at most: else it is the material
+SOME = 0.45  # share of recordings that may slip; beyond it the material is the cause
 WIDE = 0.03  # of the time of the first loading: a slip takes no longer
-BACK = 0.03  # of the largest strain: less is no way back
+BACK = 0.03  # of the largest strain: a smaller return is no unloading
 EVEN, STEADY = 3.0, 1.5  # ratios of the compliances, and speeds, beside it, at most
-LOUD, RARE = 8.0, 4.0  # noises, and times what is usual, that it must be
-FEW = 24  # samples of the first loading, too few to see a moment in
-YIELDS = 0.15  # of the load, by which its second half must raise it
-STILL = 0.1  # of strain at rest, that moves beside it; and of the stress it should make
+LOUD, RARE = 8.0, 4.0  # least size of a slip, in noise levels and usual steps
+FEW = 24  # samples of the first loading; fewer do not resolve a moment
+YIELDS = 0.15  # share of the load that the second half of the loading must add
+STILL = 0.1  # share of the slip that strain may move around it, and stress answer
 EVENLY = 0.004  # of the largest strain: as evenly as specimens are strained
 
 # How long a slip may last, in two intervals; shares of a recording between moments.
@@ -82,7 +82,10 @@ class GripSlip(Effect):
         )
 
     def within(self, scales):
-        """What is pulled slips out of the grip, and what is pushed into it."""
+        """Return the law with the sign of slip that the load allows.
+
+        A specimen in tension slips out of the grip, one in compression into it.
+        """
         if not scales.side:
             return self
         law, slip = copy(self), self.parameters[0]
@@ -103,7 +106,10 @@ class GripSlip(Effect):
         ]
 
     def at(self, shares, scales, times=1.0):
-        """Starts at these shares of a recording, `times` as long as the shortest."""
+        """Return starts with the slip at these shares of each recording.
+
+        The durations are `times` as long as the shortest, two sampling intervals.
+        """
         width = float(np.clip(2 * times * scales.interval_s, 1e-3, 1e5))
         return [
             {
@@ -115,7 +121,11 @@ class GripSlip(Effect):
         ]
 
     def shown(self, chunks, stress_MPa):
-        """Strain with hardly any stress for a moment of the first loading."""
+        """Slip, moment and duration where strain grows suddenly at almost no stress.
+
+        Only the first loading is searched; None where too many recordings or none show
+        it.
+        """
         if len(chunks) < FEWEST:
             return None
         lost, moment = np.transpose(
@@ -135,7 +145,10 @@ class GripSlip(Effect):
         }
 
     def possible(self, values, chunks, stress):
-        """A specimen that bears no load yet cannot slip: it hangs loose."""
+        """Return (n,) whether each recording bears load at the moment of its slip.
+
+        A specimen without load hangs loose and cannot slip.
+        """
         moments = np.broadcast_to(values["moment_s"], len(chunks))
         return np.array(
             [
@@ -149,13 +162,13 @@ class GripSlip(Effect):
 
 
 class RegrippedSlip(GripSlip):
-    """The same where the specimen is gripped anew between recordings."""
+    """Grip slip where the specimen is gripped anew between recordings."""
 
     lasting = False
 
 
 class CreepingGrip(GripSlip):
-    r"""A specimen that creeps out of its grips, the faster the more it is strained.
+    r"""A specimen that creeps out of its grips, faster at larger strain.
 
     .. math:: \dot s = r\,|\varepsilon_{spec}|^n \operatorname{sgn} \varepsilon_{spec}
 
@@ -209,13 +222,16 @@ class CreepingGrip(GripSlip):
 
 
 def _loaded(chunk: Chunk, stress: Array) -> float:
-    """Seconds until a specimen bears `YIELDS` of its largest load."""
+    """Return the time [s] at which a specimen bears `YIELDS` of its largest load."""
     load = np.nan_to_num(np.abs(stress - stress[np.isfinite(stress)][0]))
     return float(chunk.time_s[np.argmax(load >= YIELDS * load.max())] - chunk.time_s[0])
 
 
 def _jump(chunk: Chunk, stress: Array) -> tuple[float, float]:
-    """Strain lost at once in the first loading, of the largest; and its moment [s]."""
+    """Largest sudden loss of strain in the first loading, and its moment [s].
+
+    The loss is a share of the largest strain.
+    """
     top, level = reach(chunk), noise(stress)
     found = (0.0, 0.0)
     for whole, lost_in in ((False, _in_motion), (True, _at_rest)):
@@ -240,7 +256,7 @@ def _jump(chunk: Chunk, stress: Array) -> tuple[float, float]:
 def _in_motion(
     time: Array, strain: Array, force: Array, edges: NDArray[np.integer], level: float
 ) -> Array:
-    """Strain that comes with less stress than before it and after it."""
+    """Strain that comes with less stress than the strain before and after it."""
     a, i, j, b = edges
     rises = np.stack([force[i] - force[a], force[b] - force[j]])
     ways = np.stack([strain[i] - strain[a], strain[b] - strain[j]])
@@ -263,7 +279,7 @@ def _in_motion(
 def _at_rest(
     time: Array, strain: Array, force: Array, edges: NDArray[np.integer], level: float
 ) -> Array:
-    """Strain that moves between two rests under load, and next to no stress with it."""
+    """Return the strain that moves between two rests under load at almost no stress."""
     a, i, j, b = edges
     way = strain[j] - strain[i]
     beside = np.maximum(np.abs(strain[i] - strain[a]), np.abs(strain[b] - strain[j]))
@@ -280,9 +296,10 @@ def _at_rest(
 def _first_loading(
     chunk: Chunk, stress: Array, whole: bool
 ) -> tuple[Array, Array, Array]:
-    """Time, and strain and stress counted upwards, before strain first comes back.
+    """Return time [s], strain and stress [MPa] before strain first comes back.
 
-    `whole`: with a rest at its end.
+    Strain and stress are positive in the direction of loading; `whole` keeps a rest at
+    the end.
     """
     top = reach(chunk)
     side = np.sign(chunk.strain[np.argmax(np.abs(chunk.strain) > BACK * top)])

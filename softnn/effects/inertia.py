@@ -52,7 +52,7 @@ class Inertia(Effect):
 
     @staticmethod
     def kicks(signal, state):
-        """Change of the strain rate at each sample (n, sets), 1/s."""
+        """Return the change of the strain rate at each sample (n, sets), 1/s."""
         t, e = signal.time_s, signal.strain
         kick = np.zeros_like(e)
         if len(t) > 2:
@@ -63,7 +63,7 @@ class Inertia(Effect):
         return kick
 
     def acceleration(self, signal, state):
-        """Second difference of strain (n, sets), 1/s2."""
+        """Return the second difference of strain (n, sets), 1/s2."""
         step = np.maximum(np.diff(signal.time_s), 1e-12)
         gap = np.ones(len(signal.time_s))
         if len(gap) > 2:
@@ -85,12 +85,12 @@ class Inertia(Effect):
 
 
 class CompliantMount(Inertia):
-    r"""The same where the mass hangs on what gives way: a cell, a clamp, a long rod.
+    r"""Inertia behind a compliant mount: a soft load cell, a clamp, a long rod.
 
     .. math:: \tau \dot f + f = m\,\ddot\varepsilon, \quad \sigma \to \sigma + f
 
-    The force of a turn arrives a little late and rounded; that of the specimen does
-    not. Without it a lag is named beside the mass.
+    The inertial force at a reversal arrives late and rounded; the force of the specimen
+    does not. Without this form a search adds a sensor lag to explain the delay.
     """
 
     parameters = Inertia.parameters + (
@@ -121,7 +121,7 @@ class CompliantMount(Inertia):
 
 
 class RingingMount(Inertia):
-    r"""The same where mass and mount ring at a frequency of their own.
+    r"""Inertia with mass and mount that ring at their resonance.
 
     .. math:: \ddot f + 2 \zeta \omega \dot f + \omega^2 f
               = \omega^2 m\,\ddot\varepsilon,
@@ -164,14 +164,14 @@ class RingingMount(Inertia):
 
 
 class BluntTurns(Inertia):
-    r"""The same where the strain is straight between samples, and turns within a time.
+    r"""Inertia with strain linear between samples and reversals of finite duration.
 
     .. math:: f(t) = m \sum_j \Delta\dot\varepsilon_j \, k_w(t - t_j)
 
-    A sample shows the force of its instant, not the mean since the last: of a turn
-    that takes less than an interval, recordings of different intervals show the same.
-    k_w is a bell (Matern 5/2) of width w, before and after (Gustafsson 1996,
-    doi:10.1109/78.492552: smoothed forth and back, so that nothing is late).
+    A sample holds the force at its instant, not the mean since the last sample. So
+    the force of a short reversal does not depend on the sampling interval. k_w is a
+    bell (Matern 5/2) of width w on both sides (Gustafsson 1996,
+    doi:10.1109/78.492552: filtering forwards and backwards adds no delay).
     """
 
     parameters = Inertia.parameters + (

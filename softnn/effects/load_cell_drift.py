@@ -8,13 +8,13 @@ from softnn.contracts import Array, Chunk, Effect, Parameter
 from softnn.effects._programmes import ramps
 from softnn.effects._signs import noise, peak, reach
 
-MUCH = (0.02, 5.0)  # of the peak stress, and noises, that a drift is in all
-OUT, HOME = 0.5, 0.15  # of the largest strain: away from, and back at, the beginning
-LIKE = 0.05  # of the largest strain, by which peaks and returns may differ
-IDLE = 0.02  # of the peak stress: what changes no more while strained bears nothing
-RETURNS = 4  # at least, to see that they do not settle
+MUCH = (0.02, 5.0)  # least total drift, as a share of the peak stress and in noises
+OUT, HOME = 0.5, 0.15  # shares of the largest strain: loaded from, returned below
+LIKE = 0.05  # share of the largest strain by which peaks and returns may differ
+IDLE = 0.02  # share of the peak stress; a specimen that changes less bears no load
+RETURNS = 4  # fewest returns that show that the stress does not settle
 STEADILY = (0.6, 0.15)  # slope of the later half, and scatter, over the whole change
-ALL = 0.8  # of the recordings that could show it
+ALL = 0.8  # least share of the suitable recordings that must show the drift
 
 
 class LoadCellDrift(Effect):
@@ -59,7 +59,10 @@ class LoadCellDrift(Effect):
         return [{"drift_MPa_per_s": float(min(0.08 * scales.stress_MPa / longest, 1))}]
 
     def shown(self, chunks, stress_MPa):
-        """Stress that moves on from cycle to cycle and does not settle."""
+        """Drift [MPa/s] that returns to one strain show and that does not settle.
+
+        None where fewer than most of the suitable recordings show it.
+        """
         speeds, sure = [], 0
         for chunk, stress in zip(chunks, stress_MPa, strict=True):
             speed, change = _creeping(chunk, stress)
@@ -77,7 +80,7 @@ class LoadCellDrift(Effect):
 
 
 class OwnDrift(LoadCellDrift):
-    r"""A drift of its own in each recording."""
+    """A drift with its own rate in each recording."""
 
     per_recording = ("drift_MPa_per_s",)
 
@@ -103,16 +106,16 @@ class WarmUp(LoadCellDrift):
 
 
 class OwnWarmUp(WarmUp, OwnDrift):
-    r"""Drift of its own in each recording, that dies away in the same time."""
+    """Warm-up drift: a size for each recording, one time constant for all."""
 
 
 def _creeping(chunk: Chunk, stress: Array) -> tuple[float, float]:
-    """Change of stress a second at one strain, cycle after cycle; and of how much.
+    """Drift [MPa/s] at one strain, cycle after cycle, and the total change [MPa].
 
-    Steady cycles leave a material in a steady state, which it nears ever more slowly: 0
-    where the change slows down. A material that relaxes goes away from the load, so
-    that way is no sign unless the specimen bears nothing at the return: nan there, and
-    where there are too few cycles, or no like ones.
+    The rate is 0 where the change slows down, as a material that nears its steady state
+    does. It is nan where too few cycles are alike. It is also nan where the stress
+    moves away from the load: relaxation does that, too, unless the specimen bears no
+    stress at the return.
     """
     rows = _returns(chunk, stress)
     if len(rows) < RETURNS:
@@ -135,8 +138,11 @@ def _creeping(chunk: Chunk, stress: Array) -> tuple[float, float]:
 
 
 def _returns(chunk: Chunk, stress: Array) -> list[tuple[float, ...]]:
-    """Of each return to small strain: time, stress, strain and the peak before it (of
-    the largest), and how much the stress changes there (of its peak)."""
+    """Return one row for each return to small strain.
+
+    A row holds time [s], stress [MPa], strain, the peak before as a share of the
+    largest strain, and the change of stress there as a share of its peak.
+    """
     strain = (chunk.strain - chunk.strain[0]) / max(reach(chunk), 1e-12)
     size = np.abs(strain)
     where = np.where(size > OUT, 1, np.where(size < HOME, -1, 0))

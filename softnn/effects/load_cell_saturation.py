@@ -11,8 +11,8 @@ from softnn.effects._signs import peak, reach
 
 NEVER_MPa = 1e6
 FLAT = (0.02, 3.0)  # of the largest strain; times as wide as other levels
-# Limit, of the usual peak stress, and knee. What is clipped by little is noise on the
-# limit, and the usual peak lies below it.
+# Limit, as a share of the usual peak stress, and knee. Slight clipping shows as noise
+# on the limit, so the usual peak lies below it.
 STARTS = ((0.97, 0.0), (0.9, 0.0), (1.0, 0.08), (1.0, 0.0), (1.03, 0.0))
 
 
@@ -69,7 +69,10 @@ class LoadCellSaturation(Effect):
         ]
 
     def shown(self, chunks, stress_MPa):
-        """One stress, the highest of all, kept while the strain moves on."""
+        """Limit [MPa] if one highest stress persists while the strain moves on.
+
+        None where no recording has such a flat top.
+        """
         limit = max(map(peak, stress_MPa))
         top = other = 0.0
         for chunk, stress in zip(chunks, stress_MPa, strict=True):
@@ -85,12 +88,13 @@ class LoadCellSaturation(Effect):
 
 
 class UnevenLimits(LoadCellSaturation):
-    r"""Limits of their own in tension and compression, and a share that gets through.
+    r"""Separate limits in tension and compression, and a share that gets through.
 
     .. math:: \sigma \to c(\sigma) + r\,(\sigma - c(\sigma))
 
-    with c the law above, of limit L in tension and L_- in compression; r is 0 for an
-    amplifier and what the cell still bears beside a mechanical overload stop.
+    with c the law of `LoadCellSaturation`, of limit L in tension and L_- in
+    compression. r is 0 for an amplifier; beside a mechanical overload stop it is the
+    share of further load that the cell still bears.
     """
 
     # No bend as long, and no share as large, as those of a material that softens.
@@ -122,7 +126,7 @@ class UnevenLimits(LoadCellSaturation):
 
 
 class OwnRange(LoadCellSaturation):
-    r"""A range that was set too small for some recordings: the limit is one of each.
+    r"""A range set too small for some recordings: each has a limit of its own.
 
     .. math:: \sigma \to \mathrm{clip}(\sigma, -1/q, 1/q)
 
@@ -150,7 +154,7 @@ class OwnRange(LoadCellSaturation):
 
 
 def _flat(chunk: Chunk, at: NDArray[np.bool]) -> float:
-    """Longest way of strain, of the largest, along which `at` holds without a break."""
+    """Longest strain path, over the largest strain, on which `at` always holds."""
     edge = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
     runs = zip(edge[::2], edge[1::2], strict=True)
     ways = [float(np.ptp(chunk.strain[a:b])) for a, b in runs]

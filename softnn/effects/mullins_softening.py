@@ -8,7 +8,7 @@ from scipy.special import erf
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
-EARLY = 0.2  # of the largest strain: what is all done before is a joint that comes off
+EARLY = 0.2  # of the largest strain: damage complete before it is a joint coming off
 
 
 class MullinsSoftening(Effect):
@@ -19,13 +19,14 @@ class MullinsSoftening(Effect):
                    {s\,(c^q + |\varepsilon_m|^q)}\right), \qquad
               \varepsilon_m = \max_{s \le t} |\varepsilon|
 
-    The spring is multiplied by eta, the branches by 1 - v (1 - eta); beyond v = 1 the
-    branches by eta, and the spring by less, none of it at v = 2.
-    depth d in [0, 1] is 1/r of the source; s c^q is its m, and sharpness s the beta of
-    the form m + beta W_m that finite-element codes use. The energy W is taken to go
-    with a power q of the strain, so that eta does not depend on the stress: 2 for a
-    straight stress-strain curve, less for one that bends over, as that of foam does.
-    viscous_share v in [0, 2]. Ogden and Roxburgh 1999, doi:10.1098/rspa.1999.0431.
+    viscous_share v in [0, 2] divides the damage. Up to v = 1 the spring is multiplied
+    by eta and the branches by 1 - v (1 - eta). Beyond v = 1 the branches are multiplied
+    by eta, and the spring loses less, nothing at v = 2. Depth d in [0, 1] is 1/r of the
+    source; s c^q is its m. Sharpness s is the beta of the form m + beta W_m that
+    finite-element codes use. The energy W is assumed proportional to a power q of the
+    strain, so eta does not depend on the stress. q is 2 for a straight stress-strain
+    curve, less for one that bends over, as foam does. Ogden and Roxburgh 1999,
+    doi:10.1098/rspa.1999.0431.
 
     In a recording: the second loading to the same strain lies below the first, and
     meets it at the largest strain so far. Mistaken for a set (which shifts), friction
@@ -75,7 +76,7 @@ class MullinsSoftening(Effect):
 
     @staticmethod
     def softened(p, signal, lost):
-        """The signal less a share of its stress, in spring and branches as v says."""
+        """Signal less the share `lost` of its stress, in spring and branches by v."""
         share = p["viscous_share"]
         spring = 1 - np.minimum(2 - share, 1) * lost
         slow = 1 - np.minimum(share, 1) * lost
@@ -104,8 +105,8 @@ class SimoDamage(MullinsSoftening):
 
     .. math:: \eta = 1 - d \left(1 - e^{-(\varepsilon_m / c)^{1/s}}\right)
 
-    Simo 1987, doi:10.1016/0045-7825(87)90107-1. A spring of free shape absorbs what
-    this does to first loading, so it is seen on reloading only.
+    Simo 1987, doi:10.1016/0045-7825(87)90107-1. A spring of free shape absorbs the
+    softening of the first loading, so only reloading shows the effect.
     """
 
     parameters = MullinsSoftening.parameters[:4]
@@ -131,14 +132,14 @@ class SimoDamage(MullinsSoftening):
 
 
 class BeattySoftening(MullinsSoftening):
-    r"""The same, steep at the largest strain: half of it is there at once.
+    r"""Mullins softening that is steepest just below the largest strain.
 
     .. math:: \eta = \exp\left(-b\,
               (\varepsilon_m^2 - \varepsilon^2)^{k}\right), \qquad k = \tfrac12
 
-    softening b per unit of strain. In the source the square root is of the intensity
-    of strain, which goes with the square of a small strain. Beatty and Krishnaswamy
-    2000, *J. Mech. Phys. Solids* 48, 1931-1965.
+    softening b per unit of strain. The source takes the square root of the strain
+    intensity, which is proportional to the square of a small strain. Beatty and
+    Krishnaswamy 2000, *J. Mech. Phys. Solids* 48, 1931-1965.
     """
 
     parameters = (

@@ -7,7 +7,7 @@ import numpy as np
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
-SHORTEST = 0.05  # stretch of what is pushed flat
+SHORTEST = 0.05  # smallest stretch: a specimen in compression cannot get flatter
 
 
 class NonlinearElasticity(Effect):
@@ -20,8 +20,9 @@ class NonlinearElasticity(Effect):
     power term has the leading order of Yeoh's law (1993, doi:10.5254/1.3538343), the
     foot that of the drop of stiffness at small strain of filled rubber.
 
-    In a recording: all of them bend alike, whatever the rate. Mistaken for branches
-    that change with strain (which shows in holds) and for slack (one recording).
+    In a recording: every loading curve bends in the same way, whatever the rate.
+    Mistaken for branches that change with strain (which shows in holds) and for slack
+    (which differs between recordings).
     """
 
     stage = "material"
@@ -72,15 +73,15 @@ class NonlinearElasticity(Effect):
 
 
 class OgdenSpring(NonlinearElasticity):
-    r"""A spring of incompressible rubber, that is not the same pushed and pulled.
+    r"""A spring of incompressible rubber, different in tension and compression.
 
     .. math:: \sigma \to \sigma + S \left(
               \frac{\lambda^{a-1} - \lambda^{-a/2-1}}{3a/2} - \varepsilon\right),
               \qquad \lambda = 1 + \varepsilon
 
-    S in MPa is how much of the straight stiffness is of this curve. Ogden 1972,
-    doi:10.1098/rspa.1972.0026, of one term; exponent a is 2 for neo-Hooke, -2 for the
-    second term of Mooney and Rivlin. The first form bends alike both ways.
+    S in MPa is the part of the linear stiffness that follows this curve. Ogden 1972,
+    doi:10.1098/rspa.1972.0026, one term; exponent a is 2 for neo-Hooke, -2 for the
+    second term of Mooney and Rivlin. `NonlinearElasticity` is symmetric instead.
     """
 
     parameters = (

@@ -17,8 +17,9 @@ class NonlinearViscosity(Effect):
               \dot g = \dot\varepsilon - \frac{g_0}{\tau} \sinh\frac{g}{g_0}
 
     stiffness E in MPa, time tau in s of the flow at low stress, threshold g0 as strain
-    of the spring (stress E g0), above which flow is exponential. What takes more than a
-    hundred of the longest recordings to flow back has yielded (`permanent_set`).
+    of the spring (stress E g0), above which flow is exponential. An element that needs
+    more than a hundred times the longest recording to flow back counts as plastic
+    (`permanent_set`).
     Eyring 1936, doi:10.1063/1.1749836.
 
     In a recording: a loop whose height grows with the logarithm of rate, holds that
@@ -103,7 +104,7 @@ class PowerLawViscosity(NonlinearViscosity):
     .. math:: \dot g = \dot\varepsilon - \frac{g_0}{\tau}
               \left|\frac{g}{g_0}\right|^{n} \mathrm{sign}\, g
 
-    Far above, flow sets in at a yield: that is `permanent_set`.
+    For a large exponent flow starts at a yield strain; `permanent_set` covers that.
     Norton 1929, *The Creep of Steel at High Temperatures*.
     """
 
@@ -119,7 +120,7 @@ class PowerLawViscosity(NonlinearViscosity):
 
 
 class ThinningBranches(NonlinearViscosity):
-    r"""All branches flow the faster, the faster the specimen is strained.
+    r"""All branches flow faster when the specimen is strained faster.
 
     .. math:: \dot\xi = 1 + (\lambda|\dot\varepsilon|)^{m}, \quad
               \text{branches relax in } \xi \text{ in place of } t

@@ -21,17 +21,19 @@ class PermanentSet(Effect):
               - \left(\max_{s \le t} \varepsilon^-(s) - y\right)_+^p \right]
 
     a is the ratio of set to largest strain (at strain 1), p its exponent, yield y the
-    strain from which on it grows; of it the share f is there after the first loading,
-    the rest comes with N cycles, counted by travel (Derham and Thomas 1977, *Rubber
-    Chem. Technol.* 50, 397-402). With `on_return` r above 0 the set shows as the
-    specimen comes back, in full at zero: the share that shows is
-    1 - (strain / largest)^(1/r). On first loading the set is part of the curve and
-    cannot be seen; on reloading the curve is shifted. `buckling` b is the share lost of
-    strain of the other sign within the set: a strip that has grown longer hangs slack,
-    a shortened block lies loose, and neither its spring nor its branches are strained
-    back. Of the set the branches feel the share v: all where the specimen has another
-    length, none where the network that bears for good has set.
-    Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
+    strain from which the set grows. The share f appears with the first loading. The
+    rest comes with N cycles, counted by travel (Derham and Thomas 1977, *Rubber Chem.
+    Technol.* 50, 397-402). With `on_return` r above 0 the set appears as the specimen
+    comes back, in full at zero: the visible share is 1 - (strain / largest)^(1/r). On
+    first loading the set is part of the curve and invisible; on reloading the curve is
+    shifted. A strip that has grown longer hangs slack, a shortened block lies loose.
+    `buckling` b is the share of reversed strain within the set that reaches neither
+    spring nor branches for that reason. The branches see the share v of the set: 1
+    where the specimen has changed its length, 0 where only the permanent network has
+    set. Dorfmann and Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014.
+
+    In a recording: stress reaches zero before strain does, and each reloading starts
+    later after a larger peak.
 
     Mistaken for slack (which does not grow), for a zero offset and for slow relaxation
     (which a pause heals).
@@ -138,7 +140,7 @@ class PermanentSet(Effect):
 
 
 class PlasticElement(PermanentSet):
-    r"""An element that yields in parallel to the rest and, unloaded, holds it open.
+    r"""A plastic element in parallel to the rest, which keeps a strain when unloaded.
 
     .. math:: \sigma_p = E g, \qquad
               dg = d\varepsilon - (|d\varepsilon| + \rho\,dt)
@@ -146,10 +148,11 @@ class PlasticElement(PermanentSet):
 
     stiffness E in MPa, yield y as strain of the spring, sharpness n of the yield, pace
     rho in 1/s. With rho 0 the flow is that of a power-law dashpot with travel in place
-    of time: alike at every rate, none in a pause, and a little more at each further
-    peak; else it yields later, the faster it is strained. What yields below 10 % of
-    strain is friction; what flows by a lower power, viscosity. Valanis 1971, *Archives
-    of Mechanics* 23, 517-551; Perzyna 1966, doi:10.1016/S0065-2156(08)70009-7.
+    of time. It is then the same at every rate, stops in a pause and grows a little at
+    each further peak. With rho above 0 fast straining delays the yield. An element that
+    yields below 10 % of strain counts as friction, one of a lower power as viscosity.
+    Valanis 1971, *Archives of Mechanics* 23, 517-551; Perzyna 1966,
+    doi:10.1016/S0065-2156(08)70009-7.
     """
 
     ports = ("equilibrium",)
@@ -195,9 +198,9 @@ class CreptSet(PermanentSet):
 
     .. math:: \dot s = \frac{(a\,|\varepsilon| - s)_+}{\tau}
 
-    ratio a, time tau in s; in tension and compression each for itself. Kept at a strain
-    it grows as the network re-forms there, Andrews, Tobolsky and Hanson 1946,
-    *J. Appl. Phys.* 17, 352-361; once freed, the specimen keeps it.
+    ratio a, time tau in s; tension and compression have separate sets. The set grows
+    while the network re-forms at the held strain, and stays after unloading. Andrews,
+    Tobolsky and Hanson 1946, *J. Appl. Phys.* 17, 352-361.
     """
 
     parameters = (
@@ -229,6 +232,6 @@ class CreptSet(PermanentSet):
 
 
 def _shifted(p: Mapping[str, Array], signal: Signal, shift: Array) -> Signal:
-    """The signal behind a set, of which the branches feel their share."""
+    """Signal with strains less the set `shift`; the branches see their share."""
     seen = signal.branch_strain - p["viscous_share"] * shift
     return signal.having(strain=signal.strain - shift, branch_strain=seen)

@@ -76,7 +76,7 @@ TIMES_S = (1e-6, 1e9)  # of its branches
 
 
 class SpreadBranch(RelaxationBranch):
-    r"""Several times about one, as a stretched exponential has.
+    r"""A branch with a spread of relaxation times, like a stretched exponential.
 
     .. math:: E \sum_k w_k\, e^{-t / \tau_k}, \quad
               \log_{10} \tau_k = \log_{10} \tau + s\,z_k
@@ -92,7 +92,7 @@ class SpreadBranch(RelaxationBranch):
     shape: tuple[str, ...] = ("width_decades",)
 
     def parts(self, p):
-        """Shares of the stiffness and times of the branches it is made of."""
+        """Pairs of share of the stiffness and relaxation time [s], one per branch."""
         weight = np.exp(-(SPREAD**2) / 2)
         times = [
             p["relaxation_time_s"] * 10 ** (z * p["width_decades"]) for z in SPREAD

@@ -21,9 +21,9 @@ class SensorLag(Effect):
     for stress that is straight between samples; the channel has settled when a
     recording begins. Doebelin, *Measurement Systems*, ch. 3.
 
-    In a recording: the loop is run through the wrong way round or too wide, the more so
-    the faster; reversals of stress come late. Mistaken for slack (the same at every
-    rate) and for a viscous branch (whose stress leads, not trails).
+    In a recording: the loop runs the wrong way round or is too wide, more so at higher
+    rates; reversals of stress come late. Mistaken for slack (the same at every rate)
+    and for a viscous branch (whose stress leads, not trails).
     """
 
     stage = "sensor"
@@ -73,7 +73,7 @@ class SensorLag(Effect):
 
 
 class Delay(SensorLag):
-    r"""The same as a pure delay: channels that are not started together.
+    r"""A pure delay of the stress channel: the channels did not start together.
 
     .. math:: \sigma_{out}(t) = \sigma(t - \tau)
     """
@@ -132,7 +132,7 @@ class DelayedLag(Delay):
 
 
 def _at(when, time, x):
-    """x (n, m) at `when`, straight between samples, constant before the first."""
+    """X (n, m) at times `when`, linear between samples, constant before the first."""
     if len(time) == 1:
         return np.repeat(x, len(when), axis=0)
     i = np.clip(np.searchsorted(time, when, side="right") - 1, 0, len(time) - 2)

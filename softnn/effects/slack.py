@@ -17,12 +17,12 @@ from softnn.effects._signs import (
     reach,
 )
 
-LITTLE = 0.01  # of the least peak stress: none yet
-TAUT = 0.003  # of the largest strain: as well as grips are closed
-GAPS = (0.04, 0.01)  # of the largest strain: a large one hides where a small one ends
-START = 0.5  # of the largest strain: the first loading
-FASTER = 1.3  # than what is taut: too fast to be held against it
-MOST = 0.75  # of the recordings, that may be slack beside others that are taut
+LITTLE = 0.01  # share of the least peak stress that counts as no stress yet
+TAUT = 0.003  # share of the largest strain that a gap has even in closed grips
+GAPS = (0.04, 0.01)  # of the largest strain: a large gap hides where a small one ends
+START = 0.5  # share of the largest strain up to which the first loading is judged
+FASTER = 1.3  # ratio of speeds beyond which two loadings are not comparable
+MOST = 0.75  # largest share of recordings that may be slack beside taut ones
 
 
 class Slack(Effect):
@@ -36,9 +36,9 @@ class Slack(Effect):
     rounded over w g: a foot in place of a dead zone. ASTM D638-14, annex A1 (toe
     compensation).
 
-    In a recording: no stress at first, then the curve as ever, shifted. Mistaken for a
-    zero offset (which is there before any strain), for a soft foot of the material
-    (which all recordings share) and for a set (which grows).
+    In a recording: no stress at first, then the usual curve, shifted. Mistaken for a
+    zero offset (present before any strain), for a soft foot of the material (which all
+    recordings share) and for a set (which grows).
     """
 
     stage = "rig"
@@ -96,7 +96,10 @@ class Slack(Effect):
         return [{"gap": share * scales.strain, "toe": 0.0} for share in GAPS]
 
     def shown(self, chunks, stress_MPa):
-        """Strain without stress, where others have stress at once."""
+        """Gap, as strain, for recordings that strain without stress at the start.
+
+        Other recordings must show stress at once; None where they do not.
+        """
         much = max(
             QUIET * max(map(noise, stress_MPa)), LITTLE * min(map(peak, stress_MPa))
         )
@@ -127,10 +130,11 @@ class Slack(Effect):
 
 
 class Foot(Slack):
-    r"""The same, begun from a rounded corner.
+    """Slack with a rounded corner from the start of the search.
 
-    A free spring takes up what all gaps have in common as long as the corner is sharp;
-    only a foot, which is wider where the gap is, tells how wide all of them are.
+    A free spring absorbs the gap that all recordings share while the corner is sharp. A
+    rounded corner is wider where the gap is wider, so only the corner reveals the size
+    of a shared gap.
     """
 
     def starts(self, scales):
@@ -138,7 +142,7 @@ class Foot(Slack):
 
 
 class GrowingGap(Slack):
-    r"""A gap that widens as time goes on: a knot that gives, teeth that bite through.
+    r"""A gap that widens with time: a knot that loosens, teeth that cut in.
 
     .. math:: g(t) = g\,(1 + \rho\,t)
 
@@ -199,9 +203,10 @@ class Backlash(Slack):
 
 
 def _taken_up(chunk: Chunk, stress: Array, much: float) -> tuple[float, float]:
-    """Strain at which the stress has left its level at rest by `much`, and by more.
+    """Strains at which the stress leaves its level at rest by `much`, and by more.
 
-    nan where a recording does not begin at rest, or does not get there.
+    `much` is in MPa. Both are nan where a recording does not begin at rest, or does not
+    reach that stress.
     """
     level = at_rest(chunk, stress)
     if not np.isfinite(level):
@@ -215,7 +220,7 @@ def _taken_up(chunk: Chunk, stress: Array, much: float) -> tuple[float, float]:
 
 
 def _pace(chunk: Chunk) -> float:
-    """Strain a second of the first half of the first loading, once it moves."""
+    """Return the strain rate [1/s] over the first half of the first loading."""
     size, (_, still) = np.abs(chunk.strain - chunk.strain[0]), UNMOVED
     a = max(int(np.argmax(size > still * reach(chunk))) - 1, 0)
     b = max(int(np.argmax(size > START * reach(chunk))), a + 1)

@@ -85,7 +85,7 @@ class StrainDependentRelaxation(Effect):
 
 
 class StrainDrivenBranches(StrainDependentRelaxation):
-    r"""The same inside the integral: branches are driven by a nonlinear strain measure.
+    r"""Branches driven by a nonlinear strain measure, inside the integral.
 
     .. math:: d\varepsilon_b = (1 + a|\varepsilon| + b\,\varepsilon^2)\, d\varepsilon
 
@@ -104,7 +104,7 @@ class StrainDrivenBranches(StrainDependentRelaxation):
 
 
 class Schapery(StrainDependentRelaxation):
-    r"""Inside the integral and outside of it, each in its own measure.
+    r"""Strain dependence inside and outside the integral, each with its own measure.
 
     .. math:: \sigma_b = (1 + b|\varepsilon|) \int E(t - t')\,
               d\left(\varepsilon + a\,\varepsilon|\varepsilon| / 2\right)
@@ -149,7 +149,7 @@ class Schapery(StrainDependentRelaxation):
 
 
 class StrainClock(StrainDependentRelaxation):
-    r"""Branches that relax faster, or slower, the more the specimen is strained.
+    r"""Branches whose relaxation speeds up or slows down with strain.
 
     .. math:: \dot\xi = e^{a|\varepsilon|}, \quad
               \text{branches relax in } \xi \text{ in place of } t
@@ -189,7 +189,7 @@ class StrainClock(StrainDependentRelaxation):
 
 
 class WholeSchapery(StrainClock):
-    r"""Branches that relax faster, or slower, and are stronger, or weaker, at once.
+    r"""Branches whose relaxation times and strength both depend on strain.
 
     .. math:: \sigma_b = (1 + b|\varepsilon|) \int E(\xi - \xi')\, d\varepsilon, \qquad
               \dot\xi = e^{a|\varepsilon|}

@@ -39,11 +39,11 @@ class TensionOnly(Effect):
         return (CrookedStrip(), SlackStrip(), FoldedStrip())
 
     def kept(self, p, pushed):
-        """Share of a stress of `pushed` MPa in compression that is not lost."""
+        """Return the share of a compressive stress of `pushed` MPa that remains."""
         return 1 - p["amount"]
 
     def pushed(self, signal):
-        """Where a strip gives way, (n, sets)."""
+        """Return where a strip gives way, (n, sets) of bool."""
         return signal.equilibrium + signal.branches < 0
 
     def after(self, p, signal, state):
@@ -64,14 +64,14 @@ class TensionOnly(Effect):
 
 
 class CrookedStrip(TensionOnly):
-    r"""The same for a strip that is not quite straight: it nears its Euler load.
+    r"""A strip that is not quite straight: its stress approaches the Euler load.
 
     .. math:: \sigma \to \left(1 - \kappa + \frac{\kappa}{1 + |\sigma| / p}\right)
               \sigma \quad \text{where} \quad \sigma < 0
 
-    buckling p in MPa: the Euler load over the cross-section. Sideways a crooked column
-    follows a hyperbola (Southwell 1932, *Proc. R. Soc. A* 135, 601); taken here for the
-    way it is pushed.
+    buckling p in MPa: the Euler load over the cross-section. The sideways deflection of
+    a crooked column is a hyperbola of the load (Southwell 1932, *Proc. R. Soc. A* 135,
+    601); here the axial shortening follows the same hyperbola.
     """
 
     parameters = TensionOnly.parameters + (
@@ -89,12 +89,12 @@ class CrookedStrip(TensionOnly):
 
 
 class SlackStrip(TensionOnly):
-    r"""The same for what hangs loose when it is shorter than at rest.
+    r"""No stress below zero strain: the strip hangs loose when shorter than at rest.
 
     .. math:: \sigma \to (1 - \kappa)\,\sigma \quad \text{where} \quad \varepsilon < 0
 
-    A membrane wrinkles by its strain, whatever its branches still bear (Roddeman et al.
-    1987, doi:10.1115/1.3173134).
+    Strain decides when a membrane wrinkles, whatever stress its branches still bear
+    (Roddeman et al. 1987, doi:10.1115/1.3173134).
     """
 
     def pushed(self, signal):
@@ -102,14 +102,15 @@ class SlackStrip(TensionOnly):
 
 
 class FoldedStrip(TensionOnly):
-    r"""A strip that bends sideways: its material is not shortened any more.
+    r"""A strip that bends sideways, so its material is not shortened any further.
 
     .. math:: \varepsilon \to \varepsilon - \kappa\,(\varepsilon + c)
               \quad \text{where} \quad \varepsilon < -c
 
-    buckling strain c is that of Euler, of the shape alone and not of the material
-    (Timoshenko and Gere, there as well). What is folded neither relaxes further nor
-    has to be drawn back, as what loses its stress does.
+    buckling strain c is Euler's, which depends on the shape alone and not on the
+    material (Timoshenko and Gere, *Theory of Elastic Stability*, ch. 2). The branches
+    of a folded strip see no further strain. In `TensionOnly` they go on relaxing, and
+    have to be pulled back before stress appears.
     """
 
     ports = ("strain", "branch_strain")

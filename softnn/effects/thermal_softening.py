@@ -43,7 +43,7 @@ class ThermalSoftening(Effect):
         return (ThermalSpring(), ThermalBranches(), ThermalClock(), GlassySoftening())
 
     def warmer(self, signal, state):
-        """Temperature above the reference (n,), gaps filled with the last one known."""
+        """Temperature above the reference (n,), degC; gaps repeat the last one."""
         if signal.temperature_C is None:
             raise InputError(
                 "thermal_softening needs a column temperature_C; record the temperature"
@@ -77,13 +77,13 @@ class ThermalSoftening(Effect):
 
 
 class ThermalSpring(ThermalSoftening):
-    """The same in the spring alone, whose stiffness is that of entropy."""
+    """Thermal softening of the spring alone, as for entropy elasticity."""
 
     ports = ("equilibrium",)
 
 
 class ThermalBranches(ThermalSoftening):
-    """The same in the branches alone."""
+    """Thermal softening of the branches alone."""
 
     ports = ("branches",)
 
@@ -124,14 +124,13 @@ class ThermalClock(ThermalSoftening):
 
 
 class GlassySoftening(ThermalSoftening):
-    r"""The same near a transition, where stiffness falls from one level to another.
+    r"""Thermal softening near a transition between two levels of stiffness.
 
     .. math:: \sigma \to \sigma\, \exp\left(-c\,w\left(\tanh\frac{T - T_g}{w}
               - \tanh\frac{23 - T_g}{w}\right)\right)
 
-    softening c per degC in the middle of it, at T_g, and width w in degC. The steps of
-    stiffness with temperature: Mahieux and Reifsnider 2001,
-    *Polymer* 42, 3281-3291, there one of Weibull's.
+    softening c per degC at the middle T_g, width w in degC. Mahieux and Reifsnider
+    2001, *Polymer* 42, 3281-3291, describe such steps with a Weibull distribution.
     """
 
     parameters = (

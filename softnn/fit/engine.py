@@ -1,4 +1,4 @@
-"""Simulation of recordings for many guesses, whitened by the noise of each."""
+"""Simulation of recordings for many points of a search, whitened by their noise."""
 
 from __future__ import annotations
 
@@ -15,30 +15,38 @@ from softnn.fit.point import Data, Guess, Piece, Slot, apart
 from softnn.models.units import Units
 from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
 
-KEPT = 6  # strains that reached the model, last asked for
-ROOM = 3e7  # numbers that may be kept so, where recordings are many
+KEPT = 6  # most cached entries of strains that reached the model
+ROOM = 3e7  # most numbers in that cache, where recordings are many
 
 HIGHEST = 0.995, 1 - 1e-5  # correlation of samples at one time, of neighbouring ones
 Memory_s = Sequence[tuple[float, float]]  # (share of the variance, time in s), parts
-Input = tuple[Signal, Array, Array]  # of a recording: strains; columns, two parts
-# Of branches, to go on from: the time of each set; last strains and unit stresses.
+Input = tuple[Signal, Array, Array]  # strains; columns of springs, of branches
+# State of branches: the time of each set; its last strain and unit stresses.
 Part = tuple[Array, tuple[Array, Array] | None]
 Carried = tuple[Part, ...] | None
 
 
 def span(columns: Array) -> Array:
-    """Orthonormal basis (n, rank) of columns (n, k), those that depend left out."""
+    """Return an orthonormal basis (n, rank) of the space that columns (n, k) span.
+
+    Columns that depend on others are left out: directions with an eigenvalue of the
+    normalised Gram matrix below 1e-10 of the largest.
+    """
     norm = np.linalg.norm(columns, axis=0)
     columns = columns[:, norm > 0] / norm[norm > 0]
-    # By the Gram matrix, a tenth of the time of a decomposition of the columns; columns
-    # are few and only clear directions are kept, so that its lesser accuracy will do.
+    # The Gram matrix takes a tenth of the time of a decomposition of the columns. Its
+    # lower accuracy suffices: columns are few and only clear directions are kept.
     size, turn = np.linalg.eigh(columns.T @ columns)
     clear = size > 1e-10 * size.max(initial=0.0)
     return columns @ (turn[:, clear] / np.sqrt(size[clear]))
 
 
 class Engine:
-    """Simulates the data for many guesses; keeps what does not change between them."""
+    """Simulates the data for many points of a search; caches what does not change.
+
+    Samples are the finite measured stresses of all recordings, one after the other:
+    (valid,). Stresses are in MPa.
+    """
 
     def __init__(
         self,
@@ -47,10 +55,12 @@ class Engine:
         memory: Sequence[Memory_s] | None = None,
         remainder: Sequence[Array] | None = None,
     ) -> None:
-        """`sigma_MPa` (n,) and `memory` of each recording: its noise (`softnn.noise`).
+        """Take the data and the noise of each recording (`softnn.noise`).
 
-        `remainder` (n,) of each recording is added to the equilibrium stress: what a
-        simulation that is not refitted has beyond its stand-in.
+        `sigma_MPa` is the standard deviation (n,) of each recording, 1 by default;
+        `memory` its first-order parts. `remainder` (n,) of each recording is added to
+        the equilibrium stress: the difference between a fixed simulation and the model
+        that stands in for it.
         """
         self.data = data
         self.chunks = run_on(data.chunks, data.continued)
@@ -68,7 +78,7 @@ class Engine:
         self.fine: Engine | None = None  # the same recordings with all their samples
         self._cache: dict[Any, Any] = {}
         self._inputs: dict[Any, list[Input]] = {}
-        self.noises = 0  # set so far: which one is in force
+        self.noises = 0  # number of noises set so far, which identifies the present one
         self.set_noise(sigma_MPa, memory)
 
     def set_noise(
@@ -76,7 +86,12 @@ class Engine:
         sigma_MPa: Sequence[Array] | None,
         memory: Sequence[Memory_s] | None,
     ) -> None:
-        """Weigh by a noise: standard deviation (n,) and memory of each recording."""
+        """Weigh by another noise: standard deviation (n,) and memory of each recording.
+
+        `sigma_MPa` is in MPa. `memory` holds pairs of share of the variance and
+        correlation time [s]; the rest of the variance is white. The method also sets
+        `log_norm`, the log of the whitening determinant.
+        """
         n = len(self.measured)
         sigma = np.ones(n) if sigma_MPa is None else np.concatenate(sigma_MPa)
         self.sigma = sigma[self.valid]
@@ -89,9 +104,9 @@ class Engine:
             for k, (weight, seconds) in enumerate(own):
                 share[r, k], tau[r, k] = weight, seconds
         step = increments(time, time[:1])[:, None]
-        self.begins = np.diff(self.owner, prepend=-1) != 0  # where a recording does
+        self.begins = np.diff(self.owner, prepend=-1) != 0  # first of a recording
         decay = np.exp(-np.maximum(step, 0.0) / tau[self.owner])
-        # Samples at one time are not one sample.
+        # Two samples at one time still differ, so their correlation stays below 1.
         self._decay = np.minimum(decay, np.where(step > 0, HIGHEST[1], HIGHEST[0]))
         own_share = share[self.owner]
         self._gain, self._scale = innovations(
@@ -100,12 +115,16 @@ class Engine:
             np.maximum(1 - own_share.sum(axis=1), 0.0),
             self.begins,
         )
-        # Of the density of what is whitened, so that noises can be held against noises.
+        # Part of the log density, so that fits under different noises are comparable.
         self.log_norm = float(np.sum(np.log(self._scale / self.sigma)))
         self.noises += 1
 
     def whiten(self, x: Array) -> Array:
-        """Rows (valid samples, ...) as if the noise were independent, of variance 1."""
+        """Whiten rows (valid, ...): pure noise becomes independent, of variance 1.
+
+        The noise in force is that of `set_noise`. Stresses and their derivatives are
+        whitened in the same way, so the product of whitened rows is a likelihood.
+        """
         rows = np.ascontiguousarray(x if x.ndim == 2 else x[:, None], float)
         out = whitened(
             rows, self.sigma, self._decay, self._gain, self._scale, self.begins
@@ -113,7 +132,11 @@ class Engine:
         return out if x.ndim == 2 else out[:, 0]
 
     def columns(self, units: Units, r: int, chunk: Chunk, state: Any) -> Any:
-        """Unit columns of recording r; kept when the strain is the commanded one."""
+        """Spring columns, branch columns and the state at the end of recording r.
+
+        Columns are stresses per unit stiffness, (n, segments) and (n, branches). They
+        are cached when no effect has changed the commanded strain.
+        """
         plain = chunk.strain is self.chunks[r].strain or chunk.branch_strain is None
         own_time = chunk.time_s is not self.chunks[r].time_s
         key = (units, r)
@@ -134,7 +157,11 @@ class Engine:
     def decays(
         self, units: Units, r: int, time_s: Array, last: float | None = None
     ) -> tuple[Array, Array]:
-        """Decay and gain of the branches in recording r; kept."""
+        """Return decay and gain of the branches in recording r, each (n, branches).
+
+        `last` is the time [s] at which the recording before ended, if this one goes on.
+        Results are cached by relaxation times and recording.
+        """
         key = (units.relaxation_times, r)
         if key not in self._cache:
             if len(self._cache) > 400:
@@ -144,10 +171,10 @@ class Engine:
         return found
 
     def inputs(self, units: Units, terms: Sequence[Term], every: Any) -> list[Input]:
-        """What reaches the model in each recording, and its unit columns there.
+        """Signal that reaches the model in each recording, and its unit columns.
 
-        Kept for the last few, as stiffnesses and what acts after the model change
-        nothing of it. `every` (terms, recordings): the values of the terms.
+        `every` (terms, recordings) holds the values of the terms. The last few results
+        are cached, because stiffnesses and effects behind the model do not change them.
         """
         front = [t for t in terms if t.effect.acts_before]
         values = (
@@ -175,16 +202,17 @@ class Engine:
         return out
 
     def run(self, guess: Guess, columns: bool) -> tuple[Array, Array | None]:
-        """Stress (valid,) of a guess and, if asked, its derivative by each stiffness.
+        """Stress (valid,) [MPa] of a guess; with `columns`, its derivative too.
 
-        The derivative is a difference over a small step, pushed through the effects;
-        for effects that are linear in stress it is exact. Where they take each moment
-        by itself one step of either part serves all its columns, else each has its own.
+        The derivative (valid, stiffnesses) is a finite difference through the effects,
+        exact for effects that are linear in stress. Where all effects act pointwise,
+        one step of the springs and one of the branches serve all columns; otherwise
+        each column has its own step.
         """
         terms = guess.terms()
         x, segments = guess.stiffness, guess.units.segments
         plain = all(type(t.effect).after is Effect.after for t in terms)
-        # A solver within bounds asks far too often to be checked each time.
+        # The solver stays within bounds and calls too often for a check each time.
         every = [t.each(len(self.chunks)) for t in terms]
         stress = np.empty(len(self.measured))
         slope = np.empty((len(stress), len(x))) if columns else None
@@ -233,7 +261,11 @@ class Engine:
         return self._seen(stress), None if slope is None else self._seen(slope)
 
     def within(self, recordings: Sequence[int]) -> NDArray[np.bool]:
-        """Which valid samples are of these recordings."""
+        """Return a mask (valid,) of the samples that belong to these recordings.
+
+        `recordings` are indices into the data. The mask selects rows of stress and
+        derivatives.
+        """
         mine = np.zeros(len(self.chunks), bool)
         mine[list(recordings)] = True
         return mine[self.owner]
@@ -244,10 +276,10 @@ class Engine:
     def beside(
         self, guess: Guess, moves: Sequence[Sequence[tuple[Slot, float]]]
     ) -> Array:
-        """Change of stress (valid, moves) as slots of the guess's pieces are moved.
+        """Change of stress (valid, moves), MPa, as slots of the guess are moved.
 
-        One pass for all moves. The guess goes through it beside them, so that what
-        changes nothing changes by nothing.
+        One pass simulates all moves and the guess itself as one more set. The
+        difference is therefore exactly zero where a move changes nothing.
         """
         sets = len(moves) + 1
         terms, count = guess.terms(), len(self.chunks)
@@ -257,7 +289,7 @@ class Engine:
             for slot, value in moved:
                 front = front or terms[slot.piece].effect.acts_before
                 of = range(count) if slot.recordings is None else slot.recordings
-                # What is carried on is of all sets, from the first recording.
+                # State carried between recordings has all sets from the first one on.
                 for r in range(count) if self.data.continued else of:
                     values = every[slot.piece][r]
                     if (slot.piece, r, slot.name) not in own_copy:
@@ -268,9 +300,9 @@ class Engine:
         return self._differences(guess, terms, every, sets, front)
 
     def by_each(self, guess: Guess, pieces: Sequence[Piece]) -> Array:
-        """Change of stress (valid, pieces) as each piece of one law joins the guess.
+        """Change of stress (valid, pieces), MPa, as each piece joins the guess.
 
-        All pieces are of the same form; one pass for all.
+        All pieces are of one form of one effect; one pass simulates them all.
         """
         law, count = pieces[0].effect, len(self.chunks)
         off = replace(pieces[0], values={**pieces[0].values, **law.off})
@@ -289,9 +321,9 @@ class Engine:
     def _differences(
         self, guess: Guess, terms: Sequence[Term], every: Any, sets: int, front: bool
     ) -> Array:
-        """Stress (valid, sets - 1) of the sets but the first, less that of the first.
+        """Stress (valid, sets - 1) of all sets but the first, less that of the first.
 
-        `front`: whether sets differ in what reaches the model.
+        `front`: whether the sets differ in the strain that reaches the model.
         """
         x, segments = guess.stiffness, guess.units.segments
         inputs = [] if front else self.inputs(guess.units, terms, every)
@@ -322,14 +354,14 @@ class Engine:
                 eq = eq + self.remainder[r][:, None]
             out = self._through(terms, values_, signal, eq, br, memory)
             rows = slice(self.data.starts[r], self.data.starts[r + 1])
-            out = np.broadcast_to(out, (len(out), len(asked)))  # some change nothing
+            out = np.broadcast_to(out, (len(out), len(asked)))  # sets may be equal
             change[rows, asked[1:] - 1] = out[:, 1:] - out[:, :1]
         return self._seen(change)
 
     def _borne(
         self, units: Units, r: int, signal: Signal, stiffness: Array, carried: Carried
     ) -> tuple[Array, Carried]:
-        """Stress (n, sets) of the branches, and the state of all that they follow."""
+        """Stress (n, sets) of the branches, and the state of their strains."""
         parts = signal.branch_parts or ((np.ones(1), signal.branch_strain),)
         total, after = np.zeros(1), []
         for (weight, strain), own in zip(
@@ -349,7 +381,7 @@ class Engine:
         stiffness: Array,
         carried: Part | None,
     ) -> tuple[Array, Part]:
-        """Stress (n, sets) of the branches, each set in its own time, and the state."""
+        """Stress (n, sets) of the branches, each set with its own clock; the state."""
         time = signal.branch_time_s
         before, state = (None, None) if carried is None else carried
         if time is None:
@@ -361,7 +393,7 @@ class Engine:
         strain, time = (np.broadcast_to(a, (len(a), sets)) for a in (strain, time))
         out = np.empty(strain.shape)
         states = []
-        used = np.flatnonzero(stiffness)  # decays are most of the work
+        used = np.flatnonzero(stiffness)  # decays take most of the time
         stiffness, times = stiffness[used], np.array(units.relaxation_times)[used]
         units = replace(units, relaxation_times=tuple(times.tolist()))
         for j in range(sets):
@@ -383,7 +415,11 @@ class Engine:
         )
 
     def by_recording(self, x: Array) -> list[Array]:
-        """Values of valid samples, as one array with NaN elsewhere a recording."""
+        """Split values (valid,) into one array (n,) for each recording.
+
+        Samples without a measured stress become NaN, so that the arrays match the
+        recordings.
+        """
         full = np.full(len(self.measured), np.nan)
         full[self.valid] = x
         return np.split(full, self.data.starts[1:-1])

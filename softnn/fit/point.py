@@ -1,4 +1,4 @@
-"""What is fitted, and to what: recordings, a point of the search, its free numbers."""
+"""Data types of a fit: recordings, a point of the search, its free parameters."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ from softnn.contracts import Array, Chunk, Effect, Scales
 from softnn.models.units import Units
 from softnn.simulate import Term
 
-ONE_SIDED = 0.1  # of the largest strain: less to the other side is none
+ONE_SIDED = 0.1  # share of the largest strain; less on the other side does not count
 
 
 @dataclass(frozen=True)
 class Data:
-    """Recordings as a fit wants them: histories without gaps, stress with a mask."""
+    """Recordings for a fit: strain without gaps, stress [MPa] with NaN as mask.
+
+    `continued` is set where each recording goes on from the one before.
+    """
 
     names: tuple[str, ...]
     chunks: tuple[Chunk, ...]
@@ -29,11 +32,14 @@ class Data:
 
     @cached_property
     def starts(self) -> Array:
-        """Where each recording begins among all samples, and the end of the last."""
+        """Index of the first sample of each recording, and the end of the last one."""
         return np.concatenate([[0], np.cumsum([len(s) for s in self.stress_MPa])])
 
     def scales(self) -> Scales:
-        """Sizes from which searches start; quantiles, so that spikes do not rule."""
+        """Typical sizes, from which searches start; quantiles limit spikes.
+
+        Strain is a fraction, stress in MPa, times in s; see `softnn.contracts.Scales`.
+        """
         strain = np.concatenate([c.strain for c in self.chunks])
         push, pull, reach = -strain.min(), strain.max(), np.abs(strain).max()
         stress = np.abs(np.concatenate(self.stress_MPa))
@@ -52,26 +58,30 @@ class Data:
 
 @dataclass(frozen=True)
 class Piece:
-    """An effect in a fit: its values, which of them are free, and for which recordings.
+    """An effect instance in a fit: its values, its free parameters, its recordings.
 
-    `groups` are the sets of recordings that share a value of the `per_recording`
-    parameters; recordings in no group stay off.
+    `groups` are the sets of recordings that share one value of each `per_recording`
+    parameter; the effect stays off in recordings of no group.
     """
 
     effect: Effect
     values: dict[str, Any]
     free: tuple[str, ...]
     groups: tuple[tuple[int, ...], ...] = ()
-    nuisance: bool = False  # always there, never news: the scatter between specimens
-    unsaid: bool = False  # of specimens that nobody named
+    nuisance: bool = False  # a random effect of specimens, always in the model
+    unsaid: bool = False  # of unlabelled specimens
 
     def term(self) -> Term:
+        """The piece as a term of a simulation (`softnn.simulate`)."""
         return Term(self.effect, self.values)
 
 
 @dataclass(frozen=True)
 class Guess:
-    """A point of the search: base, stiffnesses (columns,) in MPa, pieces."""
+    """A point of the search: base, stiffnesses (columns,) in MPa, effect instances.
+
+    Springs come first among the stiffnesses, then branches, in the order of `units`.
+    """
 
     units: Units
     stiffness: Array
@@ -83,7 +93,11 @@ class Guess:
 
 @dataclass(frozen=True)
 class Slot:
-    """One free number of a guess; piece -1 is the base."""
+    """One free parameter of a guess beside its stiffnesses; piece -1 is the base.
+
+    `inside` maps a value to the coordinate of the search (its logarithm, or a multiple
+    of `typical`), `outside` maps it back.
+    """
 
     piece: int
     name: str
@@ -94,15 +108,21 @@ class Slot:
     typical: float
 
     def inside(self, value: float) -> float:
+        """Coordinate of the search for a value in its own unit."""
         return float(np.log(value)) if self.logarithmic else value / self.typical
 
     def outside(self, value: float) -> float:
+        """Value in its own unit for a search coordinate, clipped to the range."""
         v = np.exp(value) if self.logarithmic else value * self.typical
         return float(np.clip(v, self.low, self.high))
 
 
 def slots(guess: Guess) -> list[Slot]:
-    """The free numbers of a guess beside the stiffnesses."""
+    """List the free parameters of a guess, without the stiffnesses.
+
+    They are the relaxation time of an SLS, then the free parameters of each effect, one
+    for each group of recordings where the parameter is per recording.
+    """
     out = []
     for j, time in enumerate(guess.units.relaxation_times):
         if guess.units.name.endswith("sls"):
@@ -123,6 +143,7 @@ def slots(guess: Guess) -> list[Slot]:
 
 
 def get(guess: Guess, slot: Slot) -> float:
+    """Return the value of a slot in a guess, in the unit of its parameter."""
     if slot.piece < 0:
         return guess.units.relaxation_times[int(slot.name)]
     value = guess.pieces[slot.piece].values[slot.name]
@@ -130,7 +151,10 @@ def get(guess: Guess, slot: Slot) -> float:
 
 
 def put(guess: Guess, where: Sequence[Slot], values: Sequence[float]) -> Guess:
-    """The guess with other values in the slots."""
+    """Return a copy of the guess with other values in the slots `where`.
+
+    Values are in the units of the parameters; ranges are not checked.
+    """
     pieces = [dict(p.values) for p in guess.pieces]
     times = list(guess.units.relaxation_times)
     for slot, value in zip(where, values, strict=True):
@@ -155,9 +179,9 @@ def put(guess: Guess, where: Sequence[Slot], values: Sequence[float]) -> Guess:
 def apart(
     terms: Sequence[Term], values: Sequence[Mapping[str, Array]], sets: int
 ) -> NDArray[np.intp]:
-    """The first of the sets of values and those that may do something else.
+    """Return the indices of the first set and of all sets that may differ from it.
 
-    An effect that is off does nothing, whatever its other values are.
+    An effect that is off does nothing, whatever its other parameters are.
     """
     differs = np.zeros(sets, bool)
     for term, own in zip(terms, values, strict=True):

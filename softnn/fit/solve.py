@@ -14,13 +14,17 @@ from softnn.contracts import Array
 from softnn.fit.engine import Engine
 from softnn.fit.point import Guess, Slot, get, put, slots
 
-RIDGE = 1e-11  # of each diagonal entry: keeps collinear branches solvable
-UNEVEN = 10.0  # of the mean stiffness: standard deviation between one segment and next
+RIDGE = 1e-11  # share of each diagonal entry that keeps collinear branches solvable
+UNEVEN = 10.0  # prior deviation between neighbouring segments, in mean stiffnesses
 
 
 @dataclass
 class Fit:
-    """A guess at its best, with the normal equations there (whitened, by recording)."""
+    """A guess at its optimum, with the whitened derivatives and residual there.
+
+    `chi2` is the sum of squared whitened residuals; `slots` are the free parameters
+    beside the stiffnesses.
+    """
 
     guess: Guess
     stress: Array  # (valid,)
@@ -33,15 +37,18 @@ class Fit:
 
     @property
     def parameters(self) -> int:
-        """Free numbers: slots, and stiffnesses, those at zero too.
+        """Number of free parameters: slots and stiffnesses, including those at zero.
 
-        Which of them end at zero is luck, and no credit to an effect.
+        Which stiffnesses end at zero is chance, so they give no credit to an effect.
         """
         return (0 if self.fixed_base else len(self.guess.stiffness)) + len(self.slots)
 
     @property
     def free_columns(self) -> Array:
-        """Whitened derivatives by what is free; stiffnesses at zero stay there."""
+        """Whitened derivatives (valid, k) of the free parameters.
+
+        Stiffnesses at zero and those of a fixed base are left out.
+        """
         k = len(self.guess.stiffness)
         live = np.ones(self.jacobian.shape[1], bool)
         live[:k] = (self.guess.stiffness > 0) & (not self.fixed_base)
@@ -51,7 +58,12 @@ class Fit:
 def solve_base(
     engine: Engine, guess: Guess, fixed: bool
 ) -> tuple[Guess, Array, Array, Array, float]:
-    """The guess with its best stiffnesses; stress, whitened slope, residual, chi2."""
+    """Solve for the non-negative stiffnesses of a guess, all other parameters fixed.
+
+    Returns the guess, its stress (valid,) [MPa], the whitened slope (valid,
+    stiffnesses), the whitened residual (valid,) and chi2. With `fixed` the stiffnesses
+    stay.
+    """
     stress, slope = engine.run(guess, True)
     assert slope is not None
     a = engine.whiten(slope)
@@ -63,7 +75,7 @@ def solve_base(
     gram = a.T @ a + uneven(engine, guess)
     new = _bounded(gram, a.T @ target, np.zeros(len(x)), np.full(len(x), np.inf), x)
     guess = replace(guess, stiffness=new)
-    # Not the linearised stress: a clipped or one-sided effect bends between the two.
+    # Simulate again: a clipped or one-sided effect is not linear between the points.
     stress, _ = engine.run(guess, False)
     residual = engine.whiten(engine.target - stress)
     return (
@@ -76,10 +88,11 @@ def solve_base(
 
 
 def uneven(engine: Engine, guess: Guess) -> Array:
-    """Precision (stiffnesses, stiffnesses) of segments, each like the one beside it.
+    """Return a weak prior precision (stiffnesses, stiffnesses) that evens out segments.
 
-    So wide that it speaks only where the recordings do not: of what lies beyond the
-    limit of a load cell, or is slack, a fit would otherwise take any stiffness at all.
+    Each segment is expected to resemble its neighbour. The prior is so wide that it
+    matters only where the recordings say nothing, as beyond the limit of a load cell or
+    in slack. Without it the fit could take any stiffness there.
     """
     units = guess.units
     reach = max(float(np.abs(c.strain).max(initial=0.0)) for c in engine.chunks)
@@ -99,10 +112,14 @@ def _bounded(gram: Array, right: Array, low: Array, high: Array, start: Array) -
 
 
 def derivative(engine: Engine, guess: Guess, where: list[Slot], stress: Array) -> Array:
-    """Change of stress (valid, slots) with each slot, one-sided into the bounds."""
+    """Return the derivative of stress (valid, slots), in MPa per unit of the search.
+
+    `stress` (valid,) [MPa] is that of the guess itself. Differences are one-sided, into
+    the bounds of each slot. A slot of some recordings changes only their rows.
+    """
     out = np.zeros((len(stress), len(where)))
     apart = not engine.data.continued
-    # Recordings do not see each other: all own values move in one pass.
+    # Recordings are independent, so all their own values move in one pass.
     groups: dict[Any, list[int]] = {}
     for j, slot in enumerate(where):
         alone = slot.recordings is None or not apart
@@ -131,7 +148,10 @@ def passes(
     moves: Sequence[Sequence[tuple[Slot, float]]],
     stress: Array,
 ) -> list[Array]:
-    """Change of stress (valid,) with each move, those of one kind made together."""
+    """Return the change of stress (valid,), MPa, for each move of slots.
+
+    Moves of one kind (in front of the model, or behind it) share one pass.
+    """
     out: list[Array | None] = [None] * len(moves)
     kinds: dict[bool, list[int]] = {}
     for i, moved in enumerate(moves):
@@ -157,7 +177,12 @@ def fit(
     iterations: int = 12,
     tolerance: float = 1e-4,
 ) -> Fit:
-    """The best point near `guess`; `tolerance` is of chi2, relative, to stop at."""
+    """Return the best point near `guess`, by damped Gauss-Newton steps.
+
+    At most `iterations` steps are made. The search stops when a step lowers chi2 by
+    less than the share `tolerance`, or when no damped step lowers it. `fixed_base`
+    keeps the stiffnesses. Method: see the module `softnn.fit`.
+    """
     progress.step()
     guess, stress, a, residual, chi2 = solve_base(engine, guess, fixed_base)
     where = slots(guess)

@@ -1,7 +1,7 @@
-"""Sets of effects that could account for a mismatch, found and weighed.
+"""Search for candidate models: sets of effects that could explain a mismatch.
 
-The base is given one effect, the best of those accounts another, and so on while it
-pays: a beam that is wide at first and narrow later.
+A beam search. The base gets one effect, the best of these candidates another, as long
+as the evidence grows. The beam is wide at first and narrow later.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ REFITTED = 4  # iterations, where only the noise has changed
 
 @dataclass
 class Account:
-    """A set of effects at its best, and its evidence."""
+    """A candidate model: a set of effects at its best fit, and its evidence."""
 
     fit: Fit
     evidence: Evidence
@@ -63,11 +63,11 @@ class Account:
 
     @property
     def figures(self) -> Array:
-        """What a posterior weighs (5,), nats.
+        """The five numbers (5,), nats, that the posterior weighs.
 
-        Evidence of laws as they stand, of them with what is slight beside, and with
-        anything beside; (log n) / 2 for each number, and for each that is of single
-        recordings.
+        They are the evidence with exact laws, with small discrepancies, and with a
+        discrepancy of any size; then (log n) / 2 for each free parameter, and the same
+        for parameters of single recordings alone.
         """
         found, evidence = self.fit, self.evidence
         one, pieces = 0.5 * np.log(len(found.residual)), found.guess.pieces
@@ -82,7 +82,11 @@ class Account:
 
 
 def value(account: Account) -> float:
-    """Evidence less a price for numbers and effects: what to go on with."""
+    """Return the score of a candidate model: evidence less a price, nats.
+
+    The price is (log n) / 2 for each parameter and `PRICE` for each effect. The search
+    goes on with the candidates of the highest score.
+    """
     n = len(account.fit.residual)
     price = 0.5 * account.evidence.numbers * np.log(n) + PRICE * len(account.effects)
     return float(account.evidence.alone - price)
@@ -104,11 +108,11 @@ class Search:
 def search(
     base: Baseline, unknown: frozenset[str] = frozenset(), evident: float = EVIDENT
 ) -> Search:
-    """All accounts tried, refitted and weighed under the noise that the best leaves.
+    """Return all candidate models tried, refitted under the noise of the best one.
 
-    Forms of laws in `unknown` are not tried: so a trial sees what is said of a law that
-    nobody here wrote. The search ends early where the best account of up to three
-    effects leaves more than `evident` nats a sample to be explained.
+    Forms of laws in `unknown` are not tried, so a trial can test the answer to a law
+    outside softnn's list. The search ends early where the best candidate of up to three
+    effects leaves a discrepancy of more than `evident` nats a sample.
     """
     engine = base.engine
     pool = candidates(engine, base.name, base.fixed, unknown)
@@ -215,9 +219,9 @@ def _as_specimens(
 def _as_mistakes(
     weigher: Weigher, found: Sequence[Account], pool: Sequence[Effect]
 ) -> list[Account]:
-    """The best accounts of each number of effects, scales a mistake in some recordings.
+    """Candidate models in which the scale of some recordings is wrong.
 
-    Where most of them agree, what the others differ by need not be specimens.
+    If most scales agree, the outliers may be mis-scaled recordings and not specimens.
     """
     out: list[Account] = []
     unsaid = [a for a in found if any(p.unsaid for p in a.fit.guess.pieces)]
@@ -239,11 +243,11 @@ def _as_mistakes(
 def _settled(
     base: Baseline, weigher: Weigher, found: Sequence[Account]
 ) -> tuple[list[Noise], list[Account]]:
-    """All accounts under one noise: the one under which the best is likelier.
+    """The noise under which the best candidate is likeliest; all candidates under it.
 
-    That which the best account of any number of effects leaves, by windows of any
-    length or by short ones alone: of one that misses something, long ones take what it
-    misses for noise, and under such noise a wrong account may lead.
+    Try the noise left by the best model of each size, with and without long memory, and
+    keep the likeliest. A model that misses an effect takes the effect for slow noise;
+    under such noise a wrong candidate may lead.
     """
     engine = base.engine
     ranked = sorted(_worth(found, KEPT), key=value, reverse=True)
@@ -265,7 +269,7 @@ def _settled(
 
 
 def believed(engine: Engine, noise: Sequence[Noise]) -> bool:
-    """Whether a machine may have such a noise: what is larger is something missed."""
+    """Return whether a machine can have this noise; larger noise is model error."""
     sigma = zip(noise, engine.data.stress_MPa, strict=True)
     square = np.concatenate([one.sigma(s[np.isfinite(s)]) ** 2 for one, s in sigma])
     return bool(np.sqrt(square.mean()) < CLASS * np.ptp(engine.target))

@@ -1,8 +1,8 @@
-"""Effects that could be meant: where score tests point, and joint refits of those.
+"""Candidate effects: score tests propose them, joint refits test them.
 
-All effects are asked from several starts (`screen`), and those that lead are refitted
-together with the base, in each form they have. Nothing is decided here: `evidence`
-weighs what is found.
+Score tests (`screen`) start from several parameter values of each effect. The leading
+effects are refitted together with the base, in each form they have. `evidence` then
+weighs the fits; nothing is decided here.
 """
 
 from __future__ import annotations
@@ -229,10 +229,10 @@ def release(
 
 
 def lifted(engine: Engine, found: Fit, index: int, iterations: int = 12) -> Fit:
-    """The same with piece `index` in all recordings, and in each by more, as it starts.
+    """Refit with piece `index` in all recordings, each larger by its starting value.
 
-    What all recordings have alike of a gap the base takes up, so that the search ends
-    where the least has none; only the shape of the law can tell how large it is.
+    The base absorbs the gap that all recordings share, so the search ends where the
+    smallest gap is zero. Only the shape of the toe reveals the shared gap.
     """
     piece = found.guess.pieces[index]
     law, name = piece.effect, piece.effect.amplitude
@@ -259,9 +259,9 @@ def merged(engine: Engine, found: Fit, index: int) -> Fit:
 
 
 def moved(engine: Engine, found: Fit, index: int) -> Fit:
-    """The same with the moment in each recording looked for anew, others in place.
+    """Refit with the moment in each recording searched anew, the others in place.
 
-    Downhill none comes past another moment that takes up something, too.
+    Gradient descent stops at other moments that also reduce the misfit.
     """
     law, groups = found.guess.pieces[index].effect, found.guess.pieces[index].groups
     moments = [name for name in law.per_recording if name != law.amplitude]

@@ -2,14 +2,14 @@ r"""How well a set of effects accounts for recordings: its marginal likelihood.
 
 .. math:: y = base + \sum_k c_k(t)\,(1 + w_k \cdot r(x_t)) + v \cdot d(x_t, t) + noise
 
-c_k is what effect k changes of the stress. No law is quite right: w_k, normal with
-scale tau, bends each by smooth functions r of the state x (and lets it trail a little),
-the form error. v, normal with scale a, is the discrepancy: whatever else there is,
-smooth in the state or in the time of single recordings (Kennedy and O'Hagan 2001,
+c_k is the stress that effect k adds. No law is exact. The form error w_k, normal with
+scale tau, changes each effect by smooth functions r of the state x and by a small
+delay. The discrepancy v, normal with scale a, is any other error that is smooth in the
+state or in the time of a recording (Kennedy and O'Hagan 2001,
 doi:10.1111/1467-9868.00294). Smooth functions are random Fourier features (Rahimi and
-Recht 2007). Numbers that the fit leaves free are projected out, w and v are integrated
-out exactly; of tau and a the best of a few values counts, with its prior. The noise has
-heavy tails: see `Linear`.
+Recht 2007). Free parameters of the fit are projected out; w and v are integrated out
+exactly. tau and a take the best of a few values, with their priors. The noise has heavy
+tails: see `Linear`.
 """
 
 from __future__ import annotations
@@ -217,7 +217,7 @@ class Linear:
         return gained(self.gram, self.right, scale) - 0.5 * self.square - self.cost
 
     def left(self, scale: Array) -> Array:
-        """What is left (n,) beside the likeliest weights of these scales."""
+        """Residual (n,) beside the likeliest weights of these scales."""
         live = np.flatnonzero(scale)
         s, (mine, other) = scale[live], self.columns
         inner = self.gram[np.ix_(live, live)] * np.outer(s, s)
@@ -228,9 +228,9 @@ class Linear:
         return self.residual - made + self.q @ (self.q.T @ made)
 
     def excuse(self, scale: Array) -> NDArray[np.integer]:
-        """Let samples be off that are likelier so, beside weights of these scales.
+        """Down-weight likely outliers, beside weights of these scales; call once.
 
-        Those samples, by index; to be asked once.
+        Returns the indices of the outliers.
         """
         z = 0.5 * self.left(scale) ** 2
         share, _ = shares(z, self.begins)
@@ -360,11 +360,11 @@ def chosen(found: Fit) -> float:
 
 
 def scattered(found: Fit) -> tuple[Array, Array, Array, Array]:
-    """Whitened columns by what is free, and by scales of single recordings.
+    """Whitened columns: free parameters, specimen scales, mis-scaled recordings.
 
-    The latter (valid, k) are of specimens that nobody named, and of mistakes, each for
-    weights that are independent and alike; last, what the fit has of both (valid,).
-    Values of specimens are over that of the first, which varies as much as any other.
+    The last two are (valid, k), for independent weights of equal scale. The fourth
+    array (valid,) is the part of the fit that both explain. Specimen scales are
+    relative to the first specimen, which varies as much as the others.
     """
     first, slots = len(found.guess.stiffness), found.slots
     pieces = found.guess.pieces

@@ -1,10 +1,10 @@
-"""Is a specimen rather a mistake: a cross-section typed wrong?
+"""Is an outlying specimen a mistake, such as a wrong cross-section?
 
-Specimens of one material differ by some per cent, and their scales are free in every
-account. One that stands far outside may be of that scatter, or wrong by any factor. No
-fit tells the two apart, only what scales are drawn from: logarithms of scales are
-normal, with a spread that is half-Cauchy, as for any few groups (Gelman 2006,
-doi:10.1214/06-BA117A), or one of them with a size of its own. All of it is summed over.
+Specimens of one material differ by some per cent, and every candidate model has free
+specimen scales. An outlier may be natural scatter or a scale that is wrong by any
+factor; the fit alone cannot distinguish them. The prior does: logarithms of scales are
+normal with a half-Cauchy spread (Gelman 2006, doi:10.1214/06-BA117A), or one of them
+has its own size. All cases are summed.
 """
 
 from __future__ import annotations

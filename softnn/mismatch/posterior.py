@@ -14,19 +14,19 @@ Small differences count as a likelihood, or a power of it (Miller and Dunson 201
 doi:10.1080/01621459.2018.1469995), large ones as a power of themselves only, as odds do
 under an error of Student's kind.
 
-*How many* effects there are is asked first, then *which*. Of many laws that are not
-there one or the other takes up what those that are there get wrong, so that a further
-effect is to gain f nats more. With w the value of the best set of n effects less this,
+The number of effects is judged first, then which ones. Some absent effect always fits
+part of the model error, so each further effect must gain f nats more. With w the value
+of the best set of n effects less this price,
 
 .. math:: P(n) \propto e^{-\pi(n) - h_{k'}(z)}, \quad
           z = \frac{w_{max} - w_n}{1 + r \log(1 + g_n)}, \quad
           P(S \mid n) \propto e^{-\pi(S) - h_{k'}(z_S)}
 
-with g what a set gains over nothing, and z_S of sets of as many effects. Where laws
-leave nothing they stand as they are, and a set that is behind is out; where they leave
-much they cannot: k' falls from `exact` to k with D over 1 + t g, that of what leads,
-among all or among as many. So does the k of something on no list. That nothing is
-missing has a k of its own: no law can be wrong there, but noise.
+g is the gain of a set over no effect; z_S compares sets of equal size. If a model fits
+down to the noise, its evidence counts in full. If it leaves a discrepancy, its evidence
+counts less: k' falls from `exact` to k as D / (1 + t g) of the leading set grows. The k
+of a cause outside softnn's list falls likewise. The hypothesis that nothing is missing
+has its own k, because there only the noise model can be wrong.
 
 The constants are fitted to the names of development cases (`bench.calibrate`), some of
 them with laws that are bent. Names, verdict and equivalents are all read off these

@@ -1,7 +1,7 @@
-"""Score tests: what each effect could take up of what a fit leaves.
+"""Score tests: how much of a residual each effect could explain.
 
-An atom is the change of stress that an effect makes, less what the columns of the fit
-absorb. Its gain says what a fit could win, without making one.
+The score column of an effect is the change of stress that it makes, less the part that
+the columns of the fit absorb. Its gain predicts the fall of chi2 without a fit.
 """
 
 from __future__ import annotations

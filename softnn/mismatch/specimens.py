@@ -1,10 +1,10 @@
-"""Which recordings are of one specimen, where nobody wrote it down?
+"""Which recordings share a specimen, where no labels say so?
 
-Each recording may have a specimen of its own, or some may share one: as likely. Who
-shares is drawn as in a Chinese restaurant (Pitman 2006, doi:10.1007/b11601500): the
-next recording is of a specimen in proportion to how many are already. Two specimens in
-seven recordings make scales that agree in some and differ in others, which no scatter
-of seven does.
+Each recording may have its own specimen, or some may share one; both are equally likely
+a priori. The partition prior is a Chinese restaurant process (Pitman 2006,
+doi:10.1007/b11601500): the next recording joins a specimen in proportion to its size.
+Two specimens in seven recordings give scales that agree in some recordings and differ
+in others; seven separate specimens would not.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Samples that are off by more than noise: rare, and seldom alone.
+"""Outlying samples: rare, and seldom alone.
 
-Noise that is whitened is normal of unit width, or `WIDE` times as wide in the `RARE`
-sample that is off; after one that is the next is off with probability `STAY`: what is
-wrong at a corner is so for some samples. A chain of two states (Baum et al. 1970,
+Whitened noise is normal of unit width; in an outlier (probability `RARE`) it is `WIDE`
+times as wide. After an outlier the next sample is one with probability `STAY`, because
+errors at a corner last for some samples. A chain of two states (Baum et al. 1970,
 doi:10.1214/aoms/1177697196).
 """
 

@@ -5,11 +5,11 @@ The stress :math:`\sigma_j` of a branch obeys
 :math:`\Delta t`, with :math:`x = \Delta t/\tau_j`, both of the form
 :math:`\sigma_j \leftarrow a\,\sigma_j + b\,k_j\,\Delta\varepsilon`:
 
-- ``exact``: :math:`a = e^{-x}`, :math:`b = (1 - e^{-x})/x`, exact for strain that is
-  linear between samples (Taylor, Pister and Goudreau 1970,
-  doi:10.1002/nme.1620020106);
-- ``euler``: :math:`a = b = 1/(1 + x)`, implicit Euler, the finite-difference form of
-  the thesis (eq. 5.6), first order in :math:`\Delta t`.
+- ``exact``: :math:`a = e^{-x}`, :math:`b = (1 - e^{-x})/x`. It is exact for strain
+  that is linear between samples (Taylor, Pister and Goudreau 1970,
+  doi:10.1002/nme.1620020106).
+- ``euler``: :math:`a = b = 1/(1 + x)`. Implicit Euler, the finite-difference form of
+  the thesis (eq. 5.6), is first order in :math:`\Delta t`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FEW = 4  # steps up to which a chunk is left to NumPy: a controller needs no num
 
 
 class BranchState(NamedTuple):
-    """Where a chunk ended: its last time and strain, and the stress of each branch."""
+    """State at the end of a chunk: last time [s], last strain, branch stresses."""
 
     time_s: float
     strain: Array  # (1,) or (sets,)
@@ -34,6 +34,7 @@ class BranchState(NamedTuple):
 
 
 def check_update(update: str) -> None:
+    """Raise `InputError` unless `update` names one of the two update formulas."""
     if update not in UPDATES:
         raise InputError(f"update is {update!r}; allowed is one of {list(UPDATES)}")
 
@@ -41,9 +42,10 @@ def check_update(update: str) -> None:
 def history(
     time_s: Array, strain: Array, before: float | None
 ) -> tuple[Array, Array, Array]:
-    """Time (n,), strain (n, 1 or sets) and steps (n,) of a chunk, checked.
+    """Return time (n,), strain (n, 1 or sets) and steps (n,) of a chunk, checked.
 
-    The first step is the time since `before`, or 0 where nothing came before.
+    The first step is the time since `before` [s], or 0 without an earlier chunk. Raises
+    `InputError` where shapes do not fit or time decreases.
     """
     time = np.asarray(time_s, dtype=float)
     columns = np.asarray(strain, dtype=float)
@@ -72,7 +74,10 @@ def history(
 
 
 def coefficients(step_s: Array | float, time: Array, update: Update) -> tuple:
-    """Decay `a` and gain `b` of each branch over a step."""
+    """Return decay `a` and gain `b` of each branch over a step; see the module.
+
+    `step_s` and the relaxation times `time` are in s and broadcast.
+    """
     x = np.asarray(step_s / time)
     if update == "euler":
         decay = 1 / (1 + x)
@@ -133,7 +138,7 @@ def respond(
 
 
 def evenly(time_s: Array) -> bool:
-    """Whether the steps are constant, to the rounding of the times themselves."""
+    """Whether time steps are constant, to the rounding of the times themselves."""
     n = len(time_s)
     even = np.linspace(time_s[0], time_s[-1], n)
     if not even[-1] > even[0]:

@@ -1,8 +1,8 @@
-r"""Springs and branches of piecewise-linear models from recordings.
+"""Springs and branches of piecewise-linear models, fitted to recordings.
 
-`fit` is the thesis's way (Fig. 5.6): the branches come from a hold
-(`softnn.models.relaxation`), their stress is subtracted from a tensile curve, and what
-is left is cut into segments, each with its slope. `fit_jointly` needs no hold: it
+`fit` is the method of the thesis (Fig. 5.6). It takes the branches from a hold
+(`softnn.models.relaxation`), subtracts their stress from a tensile curve, and cuts the
+remaining curve into segments, each with its slope. `fit_jointly` needs no hold: it
 finds springs and branches together from curves of several rates.
 """
 
@@ -55,11 +55,11 @@ class Fit:
 
 @dataclass(frozen=True)
 class PiecewiseFit:
-    """Springs (m,) that engage at knots (m,), the branches beside them, and how made.
+    """Springs (m,) [MPa] that engage at knots (m,) as strains, and the branches.
 
-    Kept as arrays: the thesis's criterion gives hundreds of segments, and a study
-    makes thousands of fits. `model` and `parameters` are the same fit in the form of
-    the contract.
+    `how` they were made is kept with them. The fit stays in arrays: the thesis's
+    criterion gives hundreds of segments, and a study makes thousands of fits. `model`
+    and `parameters` give the same fit in the form of the contract.
     """
 
     knots: Array
@@ -123,11 +123,11 @@ def fit(
 ) -> PiecewiseFit:
     """PL-SLS or PL-Wiechert (by the branches of `relaxation`) as in thesis Fig. 5.6.
 
-    The stress of the branches is subtracted from every curve (unless `subtract` is
-    False), what is left is averaged over strain, cut into segments by `knots` (the
-    criterion on the slope at a tolerance of 40 % by default), and each segment gets
-    its slope; springs are the differences of slopes. Several curves, of several
-    specimens or rates, give one set of springs.
+    The stress of the branches is subtracted from every curve, unless `subtract` is
+    False. The remaining stress is averaged over strain and cut into segments by
+    `knots`, by default the criterion on the slope at a tolerance of 40 %. Each segment
+    gets the slope of its regression; springs [MPa] are the differences of slopes.
+    Several curves, of several specimens or rates, give one set of springs.
     """
     left = [
         np.asarray(c.stress_MPa, dtype=float)
@@ -154,7 +154,11 @@ def fit_elastic(
     regression: Regression = "segment",
     update: Update = "exact",
 ) -> PiecewiseFit:
-    """The second half of `fit`: springs for a curve the branches are out of."""
+    """Return the springs for an elastic curve; the branches are those of `relaxation`.
+
+    This is the second half of `fit`, for a curve from which the branch stress is
+    already subtracted.
+    """
     at = knots(curve.strain, curve.stress)
     if regression not in ("segment", "joint"):
         raise InputError(f"regression {regression!r}; allowed is 'segment', 'joint'")
@@ -172,7 +176,10 @@ def sweep(
     regression: Regression = "segment",
     update: Update = "exact",
 ) -> list[list[PiecewiseFit]]:
-    """`fit` for every relaxation (outer) and every criterion (inner)."""
+    """Return the results of `fit` for every relaxation (outer) and criterion (inner).
+
+    The branch stress of each relaxation is computed only once.
+    """
     strains = np.concatenate([np.asarray(c.strain, dtype=float) for c in curves])
     fits = []
     for relaxation in relaxations:
@@ -196,11 +203,11 @@ def fit_jointly(
 ) -> PiecewiseFit:
     r"""Springs and branches together, from curves at several rates: no hold needed.
 
-    For given knots and relaxation times the stress is linear in every stiffness. So
-    the springs are eliminated exactly (one QR factorisation), and the branches are
-    non-negative least squares on what is left: added one at a time, each time the one
-    of `times_s` that leaves the smallest error, up to `branches`. Every curve counts
-    alike (its squared NRMSE is what is summed). A hold may be among the curves.
+    For given knots and relaxation times the stress is linear in every stiffness. One QR
+    factorisation eliminates the springs exactly. The branches follow by non-negative
+    least squares. They are added one at a time, up to `branches`; each time the one of
+    `times_s` that leaves the smallest error is chosen. The sum of squared NRMSE is
+    minimised, so every curve has the same weight. A hold may be among the curves.
 
     knots: on the mean curve; 30 optimal segments by default. times_s: three a decade
     by default, from a hundredth of the shortest curve to ten times the longest.
@@ -236,7 +243,11 @@ def fit_jointly(
 
 
 def default_times(curves: Sequence[Curve], per_decade: int = 3) -> Array:
-    """Relaxation times (j,) that curves of these lengths can tell apart, s."""
+    """Return relaxation times (j,) [s] that curves of these lengths can resolve.
+
+    There are `per_decade` times a decade, from a hundredth of the shortest curve to ten
+    times the longest.
+    """
     lengths = [float(c.time_s[-1] - c.time_s[0]) for c in curves]
     low, high = min(lengths) / 100, max(lengths) * 10
     return np.geomspace(low, high, int(np.log10(high / low) * per_decade) + 1)
@@ -245,7 +256,7 @@ def default_times(curves: Sequence[Curve], per_decade: int = 3) -> Array:
 def _design(
     curve: Curve, knots: Array, side: float, times: Array, update: Update
 ) -> Array:
-    """Springs (m), branches (j) and measured stress as columns, over its own size."""
+    """Columns of springs (m), branches (j) and measured stress, over its size."""
     strain = np.asarray(curve.strain, dtype=float)
     stress = np.asarray(curve.stress_MPa, dtype=float)
     keep = np.isfinite(stress)
@@ -273,18 +284,19 @@ def _forward(left: Array, target: Array, branches: int) -> list[int]:
 def fit_std_lin_sds(
     curves: Sequence[Curve], relaxation: Relaxation, knots: Knots
 ) -> PiecewiseFit:
-    """Std. Lin. SDS: springs fitted to the whole stress, the branch put beside them.
+    """Std. Lin. SDS: springs fitted to the whole stress, the branch added beside them.
 
-    The predecessor (Austin et al. 2015) as the thesis reads it (sections 5.3 and
-    5.6): nothing is subtracted, so that what the branch carries is counted twice.
+    The predecessor (Austin et al. 2015) as the thesis reads it (sections 5.3 and 5.6).
+    Nothing is subtracted from the curve, so the stress of the branch counts twice.
     """
     return fit(curves, relaxation, knots, subtract=False)
 
 
 def fit_exponential(curves: Sequence[Curve]) -> Fit:
-    """`SecondOrderExponential` by least squares; amplitudes solved for exactly.
+    """Fit `SecondOrderExponential` by least squares; amplitudes are solved exactly.
 
-    The exponents are searched from a few starts, per unit of the largest strain.
+    The exponents are searched from a few starts, per unit of the largest strain. Raises
+    `InputError` where the strain never leaves zero.
     """
     strain = np.concatenate([np.asarray(c.strain, dtype=float) for c in curves])
     stress = np.concatenate([np.asarray(c.stress_MPa, dtype=float) for c in curves])

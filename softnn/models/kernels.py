@@ -1,7 +1,7 @@
 """The compiled recursions of Maxwell branches, at constant and at irregular steps.
 
-Imported where they are first needed, so that numba's start is paid only then; the
-machine code is kept on disk by numba.
+Imported when first needed, because numba loads slowly; numba caches the machine code
+on disk.
 
 Arrays: step_s (m,), increment (m, 1 or sets), out (m, sets), all others (sets,
 branches); `carried` is left at the end of the chunk.
@@ -12,7 +12,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-FLUSH = 4096  # samples after which stress too small to matter is set to nil
+FLUSH = 4096  # samples after which negligible stress is set to zero
 TINY = 1e-290  # subnormal numbers, below 2e-308, are a hundred times slower
 
 
@@ -39,7 +39,7 @@ def constant(decay, gain, increment, carried, out):
 
 @numba.njit(cache=True)
 def irregular(step_s, increment, stiffness, time, exact, carried, out):
-    """The same where each step has its own length."""
+    """Sum of branch stresses after each increment; each step has its own length."""
     samples, sets = out.shape
     branches = time.shape[1]
     rate = 1.0 / time

@@ -1,11 +1,11 @@
 r"""Six linear networks of springs and dashpots, from Hooke to Wiechert.
 
-Springs have a stiffness k [MPa], dashpots a viscosity [MPa s]; a spring and a dashpot
-in series, a Maxwell branch, are given by k and the relaxation time
-:math:`\tau = \eta/k` [s]. Thesis section 5.2, Figs 5.1 and 5.2. Beside the operator
-each class has its closed forms, as references: `relaxation`, the stress per strain
-after a unit step of strain, and `creep`, the strain per stress after a unit step of
-stress (D. Roylance, *Engineering Viscoelasticity*, MIT, 2001).
+Springs have a stiffness k [MPa], dashpots a viscosity [MPa s]. A Maxwell branch is a
+spring and a dashpot in series, given by k and the relaxation time
+:math:`\tau = \eta/k` [s]. Thesis section 5.2, Figs 5.1 and 5.2. Each class also has its
+closed forms, as references. `relaxation` is the stress after a unit step of strain;
+`creep` is the strain after a unit step of stress (D. Roylance, *Engineering
+Viscoelasticity*, MIT, 2001).
 """
 
 from __future__ import annotations
@@ -28,10 +28,12 @@ from softnn.models.branches import Update, check_update
 
 
 def stiffness_parameter(name: str, default: float, meaning: str) -> Parameter:
+    """Return a non-negative stiffness parameter [MPa]."""
     return Parameter(name, "MPa", 0.0, 1e6, default, "linear", meaning)
 
 
 def time_parameter(name: str, default: float, meaning: str) -> Parameter:
+    """Return a positive time parameter [s] on a logarithmic scale."""
     return Parameter(name, "s", 1e-6, 1e9, default, "log", meaning)
 
 
@@ -39,7 +41,7 @@ EQUILIBRIUM = stiffness_parameter("equilibrium_stiffness", 1.0, "the lone spring
 
 
 def values(parameters: Parameters, names: list[str]) -> Array:
-    """Named parameters as (sets, len(names))."""
+    """Return the named parameters as one array (sets, len(names))."""
     columns = [np.atleast_1d(np.asarray(parameters[n], dtype=float)) for n in names]
     return (
         np.stack(np.broadcast_arrays(*columns), axis=-1) if names else np.ones((1, 0))
@@ -90,10 +92,10 @@ class Branched(Model):
     def creep(self, parameters: Parameters, time_s: ArrayLike) -> Array:
         r"""Creep compliance (n,) at time_s > 0 after a step, 1/MPa; single values.
 
-        With the dashpot strains :math:`d_j` as unknowns, :math:`\tau_j \dot d_j =
-        \varepsilon - d_j` and :math:`\varepsilon = (1 + \sum k_j d_j)/K`, where
-        :math:`K = k_e + \sum k_j`: a linear system that is symmetric once scaled by
-        :math:`\sqrt{k_j \tau_j}`, solved on its eigenvectors.
+        The dashpot strains :math:`d_j` obey :math:`\tau_j \dot d_j = \varepsilon -
+        d_j` with :math:`\varepsilon = (1 + \sum k_j d_j)/K` and
+        :math:`K = k_e + \sum k_j`. Scaled by :math:`\sqrt{k_j \tau_j}`, the linear
+        system is symmetric; it is solved on its eigenvectors.
         """
         k, tau = (v[0] for v in self.prony(parameters))
         rest = float(np.squeeze(self.equilibrium(parameters, np.ones((1, 1)))))
@@ -106,7 +108,7 @@ class Branched(Model):
         rates, modes = np.linalg.eigh(np.outer(root, root) / total - np.diag(1 / tau))
         weights = (modes.T @ root) ** 2 / total**2
         time = np.asarray(time_s, dtype=float)[..., None]
-        # Without the lone spring one rate, the last, is zero: it creeps for ever.
+        # Without the lone spring the last rate is zero: the model creeps for ever.
         flows = (np.arange(len(rates)) == len(rates) - 1) & (rest == 0)
         safe = np.where(flows, 1.0, rates)
         growth = np.where(flows, time, np.expm1(safe * time) / safe)
@@ -149,9 +151,9 @@ class KelvinVoigt(Model):
     .. math:: \sigma = k_e\,\varepsilon + \eta\,\dot\varepsilon
 
     The strain rate is the backward difference, exact for strain linear between
-    samples. A step of strain takes an infinite stress for no time: a sample reached
-    in no time shows what is left after it. In a recording: stress drops at once when
-    a ramp ends, and does not relax further.
+    samples. A step of strain needs infinite stress for an instant; a sample without a
+    time step holds the stress after that instant. In a recording: stress drops at
+    once when a ramp ends, and does not relax further.
     """
 
     parameters = (
@@ -247,12 +249,12 @@ class Burgers(Branched):
                              eta_r
 
     Given by k, :math:`\tau = \eta/k`, k_r and the retardation time
-    :math:`\tau_r = \eta_r/k_r`. For imposed strain it is two Maxwell branches in
-    parallel and nothing else: with :math:`p = \tau + \tau k/k_r + \tau_r`,
-    :math:`q = \tau\tau_r` their times are :math:`1/r_{1,2}`,
-    :math:`r_{1,2} = (p \pm \sqrt{p^2 - 4q})/2q` (W. N. Findley, J. S. Lai,
-    K. Onaran, *Creep and Relaxation of Nonlinear Viscoelastic Materials*, 1976,
-    section 5.6). In a recording: like Maxwell's, with a fast part before it.
+    :math:`\tau_r = \eta_r/k_r`. For imposed strain the model equals two Maxwell
+    branches in parallel. Their times are :math:`1/r_{1,2}` with
+    :math:`r_{1,2} = (p \pm \sqrt{p^2 - 4q})/2q`,
+    :math:`p = \tau + \tau k/k_r + \tau_r` and :math:`q = \tau\tau_r`. W. N. Findley,
+    J. S. Lai, K. Onaran, *Creep and Relaxation of Nonlinear Viscoelastic Materials*,
+    1976, section 5.6. In a recording: like Maxwell's, with a fast part before it.
     """
 
     parameters = (
@@ -315,7 +317,10 @@ class Wiechert(Branched):
 
 
 def branch_parameters(branches: int, low: float = 0.0) -> tuple[Parameter, ...]:
-    """stiffness_j and relaxation_time_j of each branch, times a decade apart."""
+    """Return stiffness_j [MPa] and relaxation_time_j [s] of each branch.
+
+    The default times are a decade apart; `low` is the smallest stiffness allowed.
+    """
     if branches < 0:
         raise InputError(f"{branches} branches; allowed is 0 or more")
     declared: list[Parameter] = []
@@ -329,7 +334,7 @@ def branch_parameters(branches: int, low: float = 0.0) -> tuple[Parameter, ...]:
 
 
 def branch_values(parameters: Parameters, branches: int) -> tuple[Array, Array]:
-    """Stiffness and relaxation time, each (sets, branches), from numbered names."""
+    """Stiffness [MPa] and relaxation time [s], each (sets, branches), by number."""
     numbers = range(1, branches + 1)
     return (
         values(parameters, [f"stiffness_{j}" for j in numbers]),

@@ -40,12 +40,12 @@ class PLWiechert(Branched):
         +---/\/\/----[|----+
 
     Each knot is a strain and adds one parameter, the stiffness spring_i [MPa] that
-    comes in beyond it; below zero it lets the curve soften. A knot below zero acts
+    engages beyond it; a negative stiffness softens the curve. A knot below zero acts
     beyond it in compression; the spring of a knot at zero acts both ways. Branch
-    stiffnesses may be negative, as collocation can give them; springs they are then
-    no more. In a recording: a curved loading path that shifts with the rate by the
-    same amount at every strain, and relaxation in proportion to strain. Taken for:
-    true nonlinear viscoelasticity, whose relaxation is not.
+    stiffnesses may be negative, since collocation can give such values; they then
+    stand for no spring. In a recording: a curved loading path that shifts with the
+    rate by the same amount at every strain, and relaxation in proportion to strain.
+    Mistaken for true nonlinear viscoelasticity, whose relaxation is not proportional.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class PLSLS(PLWiechert):
 
 
 class SecondOrderExponential(Branched):
-    r"""The early rival: two exponentials of strain, no time in it.
+    r"""The early rival: two exponentials of strain, independent of time.
 
     .. math:: \sigma = a\,(e^{b\varepsilon} - 1) + c\,(e^{d\varepsilon} - 1)
 
@@ -136,8 +136,8 @@ class SecondOrderExponential(Branched):
 def engaged(knots: Array, springs: Array, strain: Array) -> Array:
     """Stress (n, sets) of springs (sets, m) that engage at knots (m,), eq. 5.7.
 
-    Works on running sums of stiffness and stress, so that it costs one search a
-    sample however many springs there are.
+    Running sums of stiffness and stress make the cost one search a sample, whatever the
+    number of springs. Stress is in the unit of the springs, MPa.
     """
     out: Array = np.zeros((1, 1))
     zero = knots == 0

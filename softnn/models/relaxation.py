@@ -1,10 +1,10 @@
 r"""Maxwell branches from a hold: relaxation modulus in, stiffnesses and times out.
 
 A hold is given as time since the strain was reached, ``time_s`` (n,), and stress over
-the held strain, ``modulus_MPa`` (n,); for a hold in compression both stress and
-strain are negative and the modulus positive. Three ways to
-:math:`k_e + \sum_j k_j e^{-t/\tau_j}` (thesis eq. 5.1): three points (eq. 5.2),
-collocation at log-spaced times (eq. 5.3), non-negative least squares.
+the held strain, ``modulus_MPa`` (n,). In compression both stress and strain are
+negative and the modulus is positive. Three methods give
+:math:`k_e + \sum_j k_j e^{-t/\tau_j}` (thesis eq. 5.1). They are three points (eq.
+5.2), collocation at log-spaced times (eq. 5.3), and non-negative least squares.
 """
 
 from __future__ import annotations
@@ -77,10 +77,11 @@ class Relaxation:
 def three_points(time_s: ArrayLike, modulus_MPa: ArrayLike) -> Relaxation:
     r"""One branch from start, end and the time of decay to 1/e (thesis eq. 5.2).
 
-    The thesis takes :math:`\tau` where the stress has fallen to 36.8 % of its start,
-    which is the time constant of a full decay only: here it is where the decaying
-    part, start minus end, has. The crossing is interpolated between samples. The
-    longer the hold, the better its end stands for :math:`k_e`.
+    The thesis takes :math:`\tau` where the stress has fallen to 36.8 % of its start.
+    That is the time constant of a decay to zero only. Here :math:`\tau` is where the
+    decaying part, start minus end, has fallen to 36.8 %. The crossing is interpolated
+    between samples. A longer hold gives a better :math:`k_e`. Raises `InputError` for a
+    hold that `checked` refuses.
 
     >>> t = np.linspace(0, 100, 5001)
     >>> fit = three_points(t, 1 + 2 * np.exp(-t / 5))
@@ -111,15 +112,15 @@ def collocation(
 ) -> Relaxation:
     r"""Branches through as many points of the curve, log-spaced in time (eq. 5.3).
 
-    :math:`k_e` is the end of the hold; the relaxation times, which are the times
-    collocated at, run from `first_s` to the length of the hold; :math:`k_1` is then
-    replaced by what makes the modulus right at t = 0. `first_s` defaults to 1 s, the
-    thesis's example (six times over the four decades to 10^4 s), or to a hundredth
-    of a hold shorter than 100 s.
+    :math:`k_e` is the end of the hold. The relaxation times are the times of
+    collocation; they run from `first_s` to the length of the hold. :math:`k_1` is then
+    set so that the modulus is right at t = 0. `first_s` defaults to 1 s, the thesis's
+    example (six times over the four decades to 10^4 s), or to a hundredth of a hold
+    shorter than 100 s.
 
-    Nothing keeps a stiffness from coming out negative, and the point at the very end
-    of the hold (where the equations ask the decaying part to be nil) drives the last
-    ones there: see `Relaxation.negative`.
+    Stiffnesses may come out negative. At the end of the hold the equations require the
+    decaying part to be zero, which drives the last ones below zero: see
+    `Relaxation.negative`.
     """
     time, modulus = checked(time_s, modulus_MPa)
     length = time[-1] - time[0]
@@ -128,7 +129,7 @@ def collocation(
     start = min(1.0, length / 100) if first_s is None else first_s
     if not 0 < start < length:
         raise InputError(f"first_s is {start:.4g} s; allowed is 0 to {length:.4g} s")
-    # A single time stands in the middle of the decades.
+    # A single time lies in the middle of the decades.
     tau = (
         np.geomspace(start, length, branches)
         if branches > 1
@@ -152,10 +153,10 @@ def non_negative(
     r"""Least squares with no stiffness below zero, on a grid of relaxation times.
 
     The grid is `times_s`, or `branches` times log-spaced from the first step of the
-    recording to its length. A ramp of `ramp_s` at a constant rate before the hold is
-    allowed for exactly: a branch enters it with :math:`k\,(1-e^{-x})/x`,
-    :math:`x` = ramp_s over its time, of its stress. Branches that come out at zero
-    stay, so that the count is the one asked for.
+    recording to its length. A ramp of `ramp_s` [s] at a constant rate before the hold
+    is allowed for exactly: a branch enters the hold with :math:`k\,(1-e^{-x})/x`, where
+    :math:`x` is ramp_s over its relaxation time. Branches that come out at zero stay,
+    so the count is the one requested.
     """
     time, modulus = checked(time_s, modulus_MPa)
     since = time - time[0]
@@ -206,9 +207,9 @@ def held_out_branches(
     """The number of branches that predicts held-out stretches of the data best.
 
     With several holds each is left out in turn and predicted from the mean of the
-    others over its times, but for a factor: specimens differ in stiffness more than in
-    how they relax. With one hold, each of five stretches of equal log-time is left out
-    and predicted from the rest. Gives the count and the RMSE [MPa] of each.
+    others. A free factor scales the prediction, because specimens differ in stiffness
+    more than in relaxation. With one hold, each of five stretches of equal log-time is
+    left out and predicted from the rest. Returns the count and the RMSE [MPa] of each.
     """
     if not holds:
         raise InputError("no holds; at least one is needed")
@@ -245,7 +246,10 @@ def log_spaced(time_s: ArrayLike, modulus_MPa: ArrayLike, per_decade: int = 20) 
 
 
 def mean_hold(holds: Sequence[Hold]) -> Hold:
-    """Mean modulus of several holds over the times they share, (n,) of the finest."""
+    """Return the mean modulus [MPa] of several holds over the times [s] they share.
+
+    The times are those of the hold with the most samples there.
+    """
     checked_holds = [checked(*hold) for hold in holds]
     if not checked_holds:
         raise InputError("no holds; at least one is needed")
@@ -256,7 +260,11 @@ def mean_hold(holds: Sequence[Hold]) -> Hold:
 
 
 def checked(time_s: ArrayLike, modulus_MPa: ArrayLike) -> Hold:
-    """A hold as two arrays, or an `InputError`."""
+    """Return a hold as two arrays (n,), time [s] and modulus [MPa].
+
+    Raises `InputError` where shapes differ, there are fewer than three samples, a value
+    is missing or time decreases.
+    """
     time = np.asarray(time_s, dtype=float)
     modulus = np.asarray(modulus_MPa, dtype=float)
     if time.shape != modulus.shape or time.ndim != 1 or len(time) < 3:

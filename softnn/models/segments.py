@@ -1,8 +1,8 @@
 """Where a stress-strain curve is cut into segments: three criteria.
 
-Each takes strain (n,), rising from zero or above, and stress (n,), and gives the
-strains at which a segment starts: (m,), rising, the first of them zero, each of the
-others the strain of a sample.
+Each criterion takes strain (n,), rising from zero or above, and stress (n,) [MPa]. It
+returns the strains (m,) at which segments start, in rising order. The first is zero;
+each of the others is the strain of a sample.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Knots = Callable[[Array, Array], Array]
 class Tolerance:
     """A new segment where the slope has changed by more than a fraction of it.
 
-    The thesis's criterion (Fig. 5.7): the slope between samples is compared with the
-    one at the start of the segment; where it differs by more than `fraction` of
-    that, a new segment starts, and its slope is the one to compare with. A slope of
-    nothing is left at once.
+    The thesis's criterion (Fig. 5.7) compares the slope between samples with the slope
+    at the start of the segment. Where they differ by more than `fraction` of the
+    latter, a new segment starts, and its slope becomes the reference. A segment of
+    zero slope ends at the next change.
 
     >>> strain = np.arange(6.0)
     >>> Tolerance(0.4)(strain, np.array([0, 2, 4, 5, 6, 7.0]))

@@ -53,11 +53,11 @@ def skeleton(strain: Array, stress: Array, points: int = 400) -> Skeleton:
 def segment_slopes(curve: Skeleton, knots: Array) -> Array:
     """Slope (m,) of a linear regression within each segment, ends included.
 
-    The thesis's way: segments know nothing of each other, so that the curve joined
-    from their slopes may drift off the data.
+    The thesis's method. Segments are fitted independently, so the curve joined from
+    their slopes may drift away from the data.
     """
     x, y, w = curve.strain, curve.stress, curve.weight
-    # About the middle, so that the running sums cancel little.
+    # Centred, so that the running sums lose few digits to cancellation.
     x, y = x - x.mean(), y - y.mean()
     sums = [
         np.concatenate([[0.0], np.cumsum(v)])

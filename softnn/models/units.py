@@ -3,9 +3,9 @@ r"""Unit responses of a base simulation: one column a spring segment, one a bran
 Every base here is a sum of columns with non-negative stiffnesses: springs
 ``clip(strain - knot, 0, width)`` (thesis eq. 5.7) and Maxwell branches of fixed
 relaxation time. So a fit can solve for the stiffnesses exactly, and a score test can
-ask what they could absorb. The update of a branch is the exact one of
-`softnn.models.branches`; here all branches of a grid are kept apart, their decays
-over a history computed once and used for many strains.
+compute how much they could absorb. The update of a branch is the exact one of
+`softnn.models.branches`. Each branch keeps its own column; decays over a history are
+computed once and used for many strains.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ BASES = ("hooke", "sls", "wiechert", "pl-sls", "pl-wiechert")
 class Units:
     """Knots (segments + 1,) of the spring, relaxation times (branches,) in s.
 
-    The two outermost segments go on for ever, so strain beyond the knots is met by the
-    stiffness of the last segment.
+    The two outermost segments extend without limit: strain beyond the knots meets the
+    stiffness of the outermost segment.
     """
 
     name: str
@@ -68,7 +68,7 @@ relaxation_times=(1.0, 2.0, 4.0))
         )
 
     def springs(self, strain: Array) -> Array:
-        """Strain taken by each segment, (n, segments); they add up to the strain."""
+        """Strain taken by each segment, (n, segments); the sum is the strain."""
         if self.segments == 1:
             return np.array(strain)[:, None]
         low, high, start = self._ends
@@ -96,9 +96,10 @@ relaxation_times=(1.0, 2.0, 4.0))
         stiffness: Array,
         state: tuple[Array, Array] | None = None,
     ) -> tuple[Array, tuple[Array, Array]]:
-        """Stress of all branches (n, sets) for strains (n, sets), and the state.
+        """Stress (n, sets) of all branches for strains (n, sets), and the state.
 
-        The state is the last strain (sets,) and what branches carry; None is rest.
+        Stress is in the unit of `stiffness` (branches,), MPa. The state is the last
+        strain (sets,) and the carried unit stresses; None is rest.
         """
         from softnn.models.unit_kernel import borne
 
@@ -113,14 +114,17 @@ relaxation_times=(1.0, 2.0, 4.0))
 
     @cached_property
     def _ends(self) -> tuple[Array, Array, Array]:
-        """Ends of the segments, and of each the strain at which it takes none."""
+        """Low and high end of each segment, and the strain at which it takes none."""
         low, high = np.array(self.knots[:-1]), np.array(self.knots[1:])
         start = np.where(low >= 0, low, high)  # the end nearer to zero strain
         low[0], high[-1] = -np.inf, np.inf
         return low, high, np.clip(start, low, high)
 
     def decays(self, time_s: Array, before_s: float | None) -> tuple[Array, Array]:
-        """Decay and gain (n, branches) of each step, the first since `before_s`."""
+        """Return decay and gain (n, branches) of each step.
+
+        The first step counts from `before_s` [s]; times are in s.
+        """
         first = time_s[0] if before_s is None else before_s
         step = increments(time_s, first)
         x = step[:, None] / np.array(self.relaxation_times)
@@ -130,7 +134,7 @@ relaxation_times=(1.0, 2.0, 4.0))
     def followed(
         self, decays: tuple[Array, Array], chunk: Chunk, state: Any = None
     ) -> tuple[Array, Any]:
-        """Unit branch stresses (n, branches) for what they follow, and the state."""
+        """Unit branch stresses (n, branches) for the branch strain, and the state."""
         if not chunk.branch_parts:
             given = chunk.branch_strain
             return self.branches(
@@ -147,7 +151,10 @@ relaxation_times=(1.0, 2.0, 4.0))
     def branches(
         self, decays: tuple[Array, Array], strain: Array, state: Any = None
     ) -> tuple[Array, Any]:
-        """Unit branch stresses (n, branches) and the state (last strain, carried)."""
+        """Return unit branch stresses (n, branches) for `strain`, and the state.
+
+        The state is the last strain and the carried unit stresses.
+        """
         from softnn.models.unit_kernel import maxwell
 
         before, carried = (
@@ -180,11 +187,12 @@ def build(
     segments: int = 16,
     per_decade: int = 7,
 ) -> Units:
-    """The base `name` over a range of strain and of time.
+    """Return the base `name` over a range of strain and of time.
 
-    Relaxation times are logarithmic from the sampling interval to three times the
-    longest recording: shorter ones are springs to this clock, longer ones too. The
-    single branch of an SLS starts in the middle; a fit moves it.
+    Relaxation times [s] are logarithmic, `per_decade` each decade, from the sampling
+    interval to three times the longest recording. Branches outside these limits are
+    indistinguishable from springs. The single branch of an SLS starts in the middle; a
+    fit moves it.
     """
     if name not in BASES:
         raise InputError(f"no base {name!r}; allowed is one of {list(BASES)}")

@@ -1,18 +1,18 @@
-r"""Level, memory and grain of the noise of each recording, estimated from the data.
+"""Level, memory and resolution of the noise of each recording, estimated from the data.
 
-Windows of samples are taken as a cubic in time plus noise of some first-order memory,
-of so many samples or of so many seconds. Level and memory are those of greatest
-restricted likelihood (Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), which
-allows for the noise that the cubic takes up. Each recording has a level of its own,
-shrunk towards that of all by how well its windows know it (James and Stein 1961).
-Windows in which something else happens (a reversal, a slip) are rougher than the rest
-and are left out. Level may grow with the stress; a quantised channel adds step^2 / 12.
+A window of samples is modelled as a cubic in time plus first-order noise, with a memory
+of so many samples or so many seconds. Level and memory maximise the restricted
+likelihood (Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), which allows for
+the noise that the cubic absorbs. Each recording has its own level, shrunk towards the
+common level by how well its windows determine it (James and Stein 1961). Windows with
+an event (a reversal, a slip) are rougher than the rest and are left out. The level may
+grow with the stress; a quantised channel adds step^2 / 12.
 
-Windows know nothing of what is slower than they are. Where a simulation misses little,
-the spectrum of all it leaves does: a sum of white and first-order parts with times a
-factor apart, which 1/f noise is too (Bernamont 1937), their shares of greatest
-likelihood (Whittle 1953) by multiplicative steps (Fevotte and Idier 2011,
-doi:10.1162/NECO_a_00168).
+Windows cannot show noise slower than themselves. Where a simulation fits well, the
+spectrum of the whole residual can. It is a sum of white noise and first-order parts
+with times spaced by a factor, which also represents 1/f noise (Bernamont 1937). The
+shares of the parts maximise Whittle's likelihood (1953), by multiplicative steps
+(Fevotte and Idier 2011, doi:10.1162/NECO_a_00168).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from softnn.noise.windows import Windows, memory, windowed
 
 __all__ = ["Noise", "estimate", "quantum"]
 
-COARSE = 0.5  # of the variance, from which rounding is most of it
-ROUGH = 2.5  # times the expected variance: no window of noise has as much
+COARSE = 0.5  # share of the variance from which rounding dominates
+ROUGH = 2.5  # times the expected variance; a rougher window holds more than noise
 GROWTH = np.concatenate([[0.0], np.geomspace(0.03, 300, 18)])  # of variance, at peak
 
 
@@ -40,11 +40,13 @@ def estimate(
     times: Sequence[Array],
     whole: bool = False,
 ) -> list[Noise]:
-    """Noise of each recording, from residuals of any smooth simulation, or stress.
+    """Estimate the noise of each recording from the residuals of a smooth simulation.
 
-    residuals, stresses and times are (n,) each; NaN marks what is missing. Windows
-    alone say little of long memory, but are hardly misled by what a simulation misses;
-    the `whole` spectrum is.
+    `residuals` and `stresses` [MPa] and `times` [s] are (n,) for each recording; NaN
+    marks missing samples. Where there is no simulation, pass the stress as the
+    residual. Windows alone say little about long memory, but model error hardly
+    misleads them. The `whole` spectrum shows long memory and takes model error for
+    noise, so use it only for a fit that misses little.
     """
     windows = windowed(residuals, stresses)
     steps = [quantum(s) for s in stresses]
@@ -67,7 +69,7 @@ def estimate(
         count = int((kept & (windows.whose == r)).sum())
         by_stress = float(np.sqrt(growth * floor2[r]))
         out.append(Noise(float(np.sqrt(plain)), by_stress, step, parts, count))
-    # Rounding lasts while the stress stands still: that is no memory of the channel.
+    # A rounding error lasts while the stress stands still; that is no channel memory.
     grain = np.array(steps)[windows.whose] ** 2 / 12
     if whole and np.median(grain / windows.variance[0]) < COARSE:
         return spectral(out, residuals, stresses, interval)
@@ -83,9 +85,9 @@ def _interval(time: Array) -> float:
 def _levels(
     variance: Array, windows: Windows, count: int
 ) -> tuple[Array, float, NDArray[np.bool]]:
-    """floor^2 (recordings,), its growth by stress^2, the windows that are noise alone.
+    """Floor^2 (recordings,), its growth by stress^2, and a mask of pure-noise windows.
 
-    Recordings without windows have the level of all.
+    Recordings without windows get the common level.
     """
     whose, half = windows.whose, windows.degrees / 2
     top = float(np.max(windows.size)) + 1e-300
@@ -115,7 +117,7 @@ def _levels(
         shrunk = np.full(count, middle)
         shrunk[there] = middle + w * (log - middle)
         ratio = own / np.exp(shrunk)[whose]
-        # Windows that are no noise have a variance of their own, at a price.
+        # Windows with more than noise get a variance of their own, at a cost.
         ratio = np.where(kept, ratio, np.log(ratio / ROUGH) + ROUGH)
         value = -half * np.sum(np.log(scale) + shrunk[whose] + ratio)
         value -= 0.5 * np.sum(np.log1p(spread / error))
@@ -127,7 +129,7 @@ def _levels(
 
 
 def _short(residual: Array, stress: Array, step: float) -> Noise:
-    """A few samples: third differences, taken as white."""
+    """Noise of a recording with few samples: third differences, taken as white."""
     x = residual[np.isfinite(residual)]
     if len(x) >= 5:
         rough = np.median(np.abs(np.diff(x, 3))) / 0.6745 / np.sqrt(20)

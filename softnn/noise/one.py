@@ -1,4 +1,4 @@
-"""The noise of one recording: level, growth with the stress, grain, memory."""
+"""The noise of one recording: level, growth with the stress, resolution, memory."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from softnn.contracts import Array
 class Noise:
     """Noise of one recording: sigma^2 = floor^2 + (share x stress)^2 + step^2 / 12.
 
-    `memory` holds the first-order parts, (share of the variance, time in s) each; the
-    rest is white.
+    `floor_MPa` is the level at zero stress, `step_MPa` the resolution of the channel.
+    `memory` holds the first-order parts, each a share of the variance and a time in s;
+    the rest is white. `windows` is the number of windows behind the estimate.
     """
 
     floor_MPa: float
@@ -24,7 +25,7 @@ class Noise:
     windows: int = 0
 
     def sigma(self, stress_MPa: Array) -> Array:
-        """Standard deviation at each stress, MPa."""
+        """Standard deviation (n,) [MPa] at each stress (n,) [MPa]; NaN counts as 0."""
         s = np.nan_to_num(np.asarray(stress_MPa, float))
         return np.sqrt(
             self.floor_MPa**2 + (self.share * s) ** 2 + self.step_MPa**2 / 12
@@ -32,7 +33,7 @@ class Noise:
 
     @property
     def correlation_s(self) -> float:
-        """Time in which the correlation falls to 1/e; 0 where it begins below."""
+        """Time [s] at which the correlation falls to 1/e; 0 if it begins lower."""
         if sum(w for w, _ in self.memory) <= np.exp(-1):
             return 0.0
         parts = np.array(self.memory)
@@ -42,7 +43,7 @@ class Noise:
 
 
 def quantum(values: Array) -> float:
-    """Step of a quantised channel; 0 where values are as good as continuous.
+    """Step of a quantised channel, in the unit of `values`; 0 where it is continuous.
 
     >>> quantum(np.round(np.linspace(0, 1, 200), 1)).__round__(6)
     0.1
@@ -59,7 +60,11 @@ def quantum(values: Array) -> float:
 
 
 def spread_of(log: Array, error: Array) -> tuple[float, float]:
-    """Variance of the levels themselves and their mean, by moments, iterated."""
+    """Return the variance of true levels and their mean, from noisy log levels.
+
+    `log` (n,) are logarithms of the levels, `error` (n,) their error variances. The
+    estimate is by moments, iterated.
+    """
     spread = 0.0
     middle = float(log.mean())
     for _ in range(5):

@@ -1,4 +1,4 @@
-"""What the whole spectrum of the residuals says of memory and level."""
+"""Memory and level of the noise from the whole spectrum of the residuals."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from softnn.contracts import Array
 from softnn.noise.one import Noise, spread_of
 
-LONGEST = 0.3  # of a recording, the longest memory that it can show
+LONGEST = 0.3  # share of a recording; it cannot show a longer memory
 APART = 4.0  # ratio of the times of the parts of a spectrum
 BETWEEN = APART ** np.array([-0.4, -0.3, -0.2, -0.1, 0.1, 0.2, 0.3, 0.4])
-PART = 2.0  # of log-likelihood, that a part must be worth: chance has it once in forty
-ROUNDS = 50  # of the steps to their shares
-FEWEST = 16  # samples of a spectrum
+PART = 2.0  # nats that a part must gain; chance gains as much once in forty
+ROUNDS = 50  # multiplicative steps towards the shares
+FEWEST = 16  # samples that a spectrum needs
 
 
 def spectral(
@@ -25,15 +25,18 @@ def spectral(
     stresses: Sequence[Array],
     interval: Array,
 ) -> list[Noise]:
-    """The noise with memory and levels as the spectra of the residuals have them.
+    """Return the noise with memory and levels from the spectra of the residuals.
 
-    The parts are shared, with times in samples or in seconds, whichever is likelier.
+    `residuals` and `stresses` are (n,) [MPa] each, `interval` (recordings,) is the
+    sampling interval [s]. All recordings share the parts; their times are equal in
+    samples or in seconds, whichever is likelier. Recordings that are too short are
+    unchanged in level.
     """
     spectra: list[Array] = []
     for one, x, s in zip(noise, residuals, stresses, strict=True):
         z = x / one.sigma(s)
         z = z[np.isfinite(z)]
-        # What a fit takes up is missing from the lowest frequencies.
+        # The fit has absorbed part of the lowest frequencies, so they are left out.
         power = np.abs(np.fft.rfft(z - z.mean()))[2:] ** 2 / len(z)
         good = len(z) >= FEWEST and 0 < power.sum() < np.inf
         spectra.append(power if good else power[:0])
@@ -70,9 +73,9 @@ def spectral(
 def _shares(
     spectra: Sequence[Array], times: Array, clock: Array
 ) -> tuple[float, Array, Array]:
-    """Log-likelihood, share of each part, and what each level is to be multiplied by.
+    """Log-likelihood, share of each part, factor for the level of each recording.
 
-    `times` (parts,) in the unit of `clock` (recordings,), the time between samples.
+    `times` (parts,) are in the unit of `clock` (recordings,), the sampling interval.
     """
     count = np.array([len(x) for x in spectra])
     some = np.flatnonzero(count)
@@ -102,10 +105,10 @@ def _shares(
 def _weighted(
     shape: Array, power: Array, count: NDArray[np.integer], weight: Array
 ) -> tuple[float, Array, Array]:
-    """Log-likelihood, weights (parts,) and levels^2 (recordings,), from these weights.
+    """Log-likelihood, weights (parts,) and squared levels (recordings,).
 
-    `shape` (frequencies of all, parts), `power` (frequencies of all,); a weight of 0
-    stays 0.
+    The search starts from `weight`; a weight of 0 stays 0. `shape` is (frequencies of
+    all recordings, parts), `power` (frequencies of all recordings,).
     """
     starts = np.cumsum(count) - count
     level = np.ones(len(count))
@@ -114,7 +117,7 @@ def _weighted(
         for _ in range(ROUNDS):
             sum_ = shape @ weight
             weight = weight * np.sqrt((own / sum_**2) @ shape / ((1 / sum_) @ shape))
-        # A level is known to 1 / count, as a logarithm.
+        # The logarithm of a level has the variance 1 / count.
         log = np.log(np.add.reduceat(power / (shape @ weight), starts) / count)
         spread, middle = spread_of(log, 1 / count)
         level = np.exp(middle + spread / (spread + 1 / count) * (log - middle))

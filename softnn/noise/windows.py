@@ -1,4 +1,4 @@
-"""What windows of samples say of the memory: restricted likelihood, cubics removed."""
+"""Noise memory from windows of samples: restricted likelihood, cubics removed."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from softnn.contracts import Array
 
 WINDOW = 48  # samples
 DEGREE = 3
-DISAGREE = 8.0  # of log-likelihood, beyond which recordings are not of one memory
-CALM = 0.8  # of the windows of a recording: the others may hold a reversal
-USUAL = 1.5  # times the median roughness, which no reversal need explain
+DISAGREE = 8.0  # nats beyond which recordings do not share one memory
+CALM = 0.8  # share of the windows of a recording; the others may hold a reversal
+USUAL = 1.5  # times the median roughness; a rougher window may hold a reversal
 PHI = np.concatenate([[0.0], 1 - np.geomspace(0.95, 0.008, 26)])
 TAUS = np.concatenate([[0.05], -1 / np.log(PHI[1:])])  # samples: times of PHI
 
 
 @cache
 def _whiteners(length: int) -> tuple[list[Array], Array]:
-    """Of each memory: W (length - 4, length) with W y white and no cubic in it.
+    """Whitening matrices (length - 4, length), one per memory, and log determinants.
 
-    And the logarithms of the determinants that the restricted likelihood needs.
+    Each matrix removes cubics and makes the rest white. The log determinants enter the
+    restricted likelihood.
     """
     t = np.linspace(-1, 1, length)
     trend = np.linalg.qr(np.vander(t, min(DEGREE, length // 4) + 1))[0]
@@ -43,7 +44,10 @@ def _whiteners(length: int) -> tuple[list[Array], Array]:
 
 @dataclass(frozen=True)
 class Windows:
-    """Stretches of equally many samples, and what each says of the noise."""
+    """Windows of equally many samples, with the likelihood of each memory in each.
+
+    Roughness is the variance of the new part of each sample.
+    """
 
     like: Array  # (memories, windows), restricted log-likelihood
     variance: Array  # the same shape
@@ -52,7 +56,10 @@ class Windows:
     degrees: int
 
     def of(self, recording: int) -> NDArray[np.bool]:
-        """The calm windows of a recording; roughness is what is new in a sample."""
+        """Mask (windows,) of the calm windows of a recording.
+
+        A calm window is about as rough as most of its recording.
+        """
         mine = self.whose == recording
         if not mine.any():
             return mine
@@ -62,6 +69,11 @@ class Windows:
 
 
 def windowed(residuals: Sequence[Array], stresses: Sequence[Array]) -> Windows | None:
+    """Divide residuals into windows; None where no recording fills one.
+
+    `residuals` and `stresses` are (n,) [MPa] for each recording; NaN samples are
+    dropped.
+    """
     length = WINDOW
     rows, level, owner = [], [], []
     for r, (residual, stress) in enumerate(zip(residuals, stresses, strict=True)):
@@ -95,9 +107,9 @@ def _by_recording(windows: Windows, recordings: int) -> Array:
 
 
 def _in_seconds(like: Array, taus: Array, interval: Array) -> tuple[Array, Array]:
-    """Times, s, and the log-likelihood (times, recordings) of memory as long.
+    """Times [s] and the log-likelihood (times, recordings) of such memories.
 
-    `like` (taus, recordings): of memories of so many samples.
+    `like` (taus, recordings) is the log-likelihood of memories in samples.
     """
     low, high = taus[0] * interval.max(), taus[-1] * interval.max()
     times = np.geomspace(min(low, taus[0] * interval.min()), high, 60)
@@ -108,10 +120,10 @@ def _in_seconds(like: Array, taus: Array, interval: Array) -> tuple[Array, Array
 
 
 def _shared(table: Array) -> tuple[int, float]:
-    """Row of greatest likelihood for all recordings (rows, recordings), and its value.
+    """Index of the row (rows, recordings) of greatest joint likelihood, and its value.
 
-    What a simulation misses only ever adds memory. So where the half of the recordings
-    with the least of it contradicts all of them, it knows best.
+    Model error only ever adds memory. So where the half of the recordings with the
+    shortest memory contradicts the whole, the half decides.
     """
     best = int(np.argmax(table.sum(axis=1)))
     own = np.argmax(table, axis=0)
@@ -125,7 +137,11 @@ def _shared(table: Array) -> tuple[int, float]:
 def memory(
     windows: Windows, interval: Array
 ) -> tuple[Array, list[tuple[tuple[float, float], ...]]]:
-    """Row of the table (recordings,), as a float, and the first-order part of each."""
+    """Table row of the memory (recordings,), a float, and its first-order part.
+
+    `interval` (recordings,) is the sampling interval [s]. The part is empty for white
+    noise, else a share of 1 and a time in s.
+    """
     tau = _either(_by_recording(windows, len(interval)), TAUS, interval)
     phi = np.exp(-1 / tau)
     phi = np.where(phi > 0.03, phi, 0.0)
@@ -137,7 +153,7 @@ def memory(
 
 
 def _either(like: Array, taus: Array, interval: Array) -> Array:
-    """Memory of as many samples, or of as many seconds: the likelier, in samples."""
+    """Memory (recordings,) in samples: equal in samples or in seconds, the likelier."""
     samples, at_samples = _shared(like)
     times, table = _in_seconds(like, taus, interval)
     second, at_second = _shared(table)
