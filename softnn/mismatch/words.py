@@ -12,15 +12,11 @@ from typing import Any
 from softnn.effects import effect
 from softnn.mismatch.decision import HELPS
 from softnn.mismatch.posterior import LIKELY, NAMED, SURE
+from softnn.report.page import UNUSED
 from softnn.report.phrases import listed, number, opened, percent, plain, sure
 
 Result = Mapping[str, Any]
 
-UNUSED = {
-    "specimen": "new specimens",
-    "recording": "recordings not used in the fit",
-    "stretch": "parts not used in the fit",
-}
 ORDINALS = ("first", "second", "third", "fourth", "fifth")
 FEW = 2  # recordings that a sentence names; of more it says how many
 SAME = 1.02  # of an error, within which another is as good
@@ -95,6 +91,192 @@ def _named(result: Result) -> str:
 
     names = sorted(result["selected"], key=lambda n: -every[n])
     certain = [n for n in names if every[n] >= SURE]
+    likely = [n for n in names if every[n] < SURE]
+    if not certain:
+        return f"Most likely {said(likely)} {_were(likely)} left out."
+    text = f"{opened(said(certain))} {_were(certain)} left out"
+    return f"{text}{f', and most likely {said(likely)}' if likely else ''}."
+
+
+def _were(names: Sequence[str]) -> str:
+    return "was" if len(names) == 1 else "were"
+
+
+def _probability(result: Result) -> dict[str, float]:
+    rows = result["candidates"]
+    return {r["effect"]: r["probability"] for r in rows if r["effect"] is not None}
+
+
+def _own(result: Result) -> list[dict[str, Any]]:
+    """Explanations by an effect that each recording has a value of its own of."""
+    rows = result["explanations"]
+    return [e for e in rows if effect(e["effect"], e["form"]).per_recording]
+
+
+def _in(result: Result, names: Sequence[str]) -> str:
+    """In which recordings an effect is, where not in all of them."""
+    count = len(result["recordings"])
+    if len(names) in (0, count):
+        return ""
+    if len(names) > FEW:
+        return f" in {len(names)} of {count} recordings"
+    return f" in {listed(names)}"
+
+
+# --- the error ------------------------------------------------------------------------
+
+
+def _error(result: Result) -> str:
+    fit, new = result["fit"], unused(result)
+    before, after = (percent(fit[k]["heldout_nrmse"]) for k in ("before", "after"))
+    whole = [percent(fit[k]["nrmse"]) for k in ("before", "after")]
+    noise = f"noise {_noise(result)}"
+    by, names = result["corrected_by"], result["selected"]
+    if result["verdict"] == "nothing_missing":
+        return f"The simulation predicts {new} to {before} ({noise})."
+    if names and all(effect(n).scatter for n in names):
+        # Specimens have a scale of their own either way, so that no error changes.
+        return f"But for that, {new} are predicted to {before} ({noise})."
+    if not by:
+        return f"The simulation predicts {new} to {before} only ({noise})."
+    if not names:
+        with_ = f"With {_listed(by)}"
+    elif set(by) <= set(names):
+        with_ = "With it" if len(names) == 1 else "With them"
+    else:
+        with_ = f"With {listed([plain(n) for n in by if n not in names])} as well"
+    old, least = fit["before"]["heldout_nrmse"] ** 2, fit["noise_nrmse"] ** 2
+    if names and old - fit["after"]["heldout_nrmse"] ** 2 < HELPS * (old - least):
+        # Of faults of single recordings others learn nothing.
+        return (
+            f"{with_}, the error on all recordings is {whole[1]} instead of {whole[0]}; "
+            f"{new} are predicted to {after} instead of {before} ({noise})."
+        )
+    return f"{with_}, {new} are predicted to {after} instead of {before} ({noise})."
+
+
+def _noise(result: Result) -> str:
+    most = " at most" if result["judged_by"] == "prediction" else ""
+    return f"{percent(result['fit']['noise_nrmse'])}{most}"
+
+
+# --- what stays open ------------------------------------------------------------------
+
+
+def _open(result: Result) -> list[str]:
+    names, near = result["selected"], result["nearest"]
+    said, beside = _instead(result)
+    if result["verdict"] == "unexplained" and near:
+        said.append(
+            f"The nearest known effect, {plain(near['effect'])}, accounts for "
+            f"{percent(near['share'])} of the mismatch."
+        )
+    beyond = result["judged_by"] == "prediction" and bool(names)
+    if beyond or result["verdict"] == "partly_explained":
+        which = ORDINALS[min(len(names), len(ORDINALS) - 1)]
+        maybe = f" (perhaps {listed(beside)})" if beside else ""
+        said.append(
+            f"Whether a {which} effect is there{maybe}, these recordings cannot tell."
+        )
+    elif beside:
+        is_ = "is" if len(beside) == 1 else "are"
+        said.append(f"{opened(listed(beside))} {is_} possible as well.")
+    return _factors(result) + said + _structure(result)
+
+
+def _factors(result: Result) -> list[str]:
+    """By what factor a specimen is off, where that is named as a mistake."""
+    said = []
+    for told in result["explanations"]:
+        law = effect(told["effect"], told["form"])
+        for name in told["recordings"] if law.scatter else ():
+            row = told["parameters"].get(f"{law.amplitude} of {name}")
+            if row:
+                said.append(
+                    f"The stress of {name} is {1 + row['value']:.3g} times that of the "
+                    "other specimens."
+                )
+    return said[:FEW]
+
+
+def _instead(result: Result) -> tuple[list[str], list[str]]:
+    """On effects that could stand in another's place; and the others that are likely."""
+    names, every = set(result["selected"]), _probability(result)
+    left = [n for n, p in every.items() if n not in names and p >= LIKELY]
+    if not left or result["verdict"] == "unexplained":
+        return [], []
+    likely = [f"{plain(n)} ({sure(every[n])})" for n in left]
+    if not names:
+        return [f"Possible: {listed(likely)}."], []
+    said, placed = list[str](), set[str]()
+    for told in result["explanations"]:
+        mine = [n for n in left if n in told["equivalent"] and n not in placed]
+        placed |= set(mine)
+        if mine:
+            them = " or ".join(f"{plain(n)} ({sure(every[n])})" for n in mine)
+            said.append(
+                f"{opened(them)} would do nearly as well as {plain(told['effect'])}."
+            )
+    return said, [s for n, s in zip(left, likely, strict=True) if n not in placed]
+
+
+def _structure(result: Result) -> list[str]:
+    """What the unexplained mismatch depends on, and when it comes back."""
+    structure = result["structure"]
+    if not structure:
+        return []
+    it = "What the correction leaves" if result["corrected_by"] else "The mismatch"
+    said = []
+    if structure["depends_on"]:
+        said.append(f"{it} depends most on {plain(next(iter(structure['depends_on'])))}.")
+    if period := structure["period"]:
+        said.append(
+            f"{it} comes back every {period['period']:.3g} {period['unit']} of "
+            f"{period['axis']}."
+        )
+    return said
+
+
+# --- what to do -----------------------------------------------------------------------
+
+
+def _next(result: Result) -> str:
+    advice = result["next_recording"]
+    mistakes = [e for e in result["explanations"] if effect(e["effect"]).scatter]
+    if mistakes:
+        them = listed(mistakes[0]["recordings"][:FEW])
+        return f"Check cross-section and units of {them}."
+    if advice:
+        separates = [plain(n) for n in advice["separates"]]
+        if len(separates) == 2:
+            return (
+                f"To tell {separates[0]} from {separates[1]}, record "
+                f"{advice['strain_programme']}."
+            )
+        return f"Record {advice['strain_programme']}."
+    if result["shows"]["few"]:
+        return "Record more: cycles to growing strain, each amplitude twice, and a hold."
+    if result["corrected_by"]:
+        return "Simulate with the corrected model, model.json."
+    if result["verdict"] == "nothing_missing":
+        return "Use the simulation as it is; its parameters are in base.json."
+    return "Record cycles at other rates and to other strains."
+
+
+def next_recording(result: Result) -> dict[str, Any] | None:
+    """The recording that would tell the likeliest effects apart; None if all is told.
+
+    Only effects of a tenth or more are worth a recording.
+    """
+    every = _probability(result)
+    names = list(every)
+    if not result["selected"] and result["shows"]["only_loading"]:
+        return {
+            "strain_programme": "cycles to growing strain, each amplitude twice, and a "
+            "hold",
+            "separates": names[:3],
+            "why": "effects that look alike on first loading part on the way back",
+        }
     likely = [n for n in names if every[n] >= LIKELY]
     open_ = [
         (first, second)
@@ -102,8 +284,14 @@ def _named(result: Result) -> str:
         for second in likely[i + 1 :]
         if every[second] < SURE
     ]
+    same = {
+        frozenset((told["effect"], other))
+        for told in result["explanations"]
+        for other in told["equivalent"]
+    }
     # Of two that are named one rarely stands for the other: these come last.
-    open_.sort(key=lambda pair: set(pair) <= set(result["selected"]))
+    named = set(result["selected"])
+    open_.sort(key=lambda pair: (frozenset(pair) not in same, set(pair) <= named))
     for first, second in open_:
         text = effect(first).twins.get(second) or effect(second).twins.get(first)
         if text:
@@ -167,10 +355,12 @@ def _why_named(name: str, result: Result) -> str:
     own = [e for e in result["explanations"] if e["effect"] == name]
     if not own:
         return "named"
-    without, after = own[0]["nrmse_without"], result["fit"]["after"]["nrmse"]
+    rows, count = own[0]["recordings"], len(result["recordings"])
+    where = _in(result, rows) if 0 < len(rows) < count else ""
+    without, with_ = (percent(e) for e in own[0]["nrmse_own"])
     return (
-        f"named: on all recordings the error is {percent(without)} without it, "
-        f"{percent(after)} with it"
+        f"named: the error{where or ' of the fit to all'} is {without} without it, "
+        f"{with_} with it"
     )
 
 

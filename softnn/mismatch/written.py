@@ -13,6 +13,7 @@ from platform import python_version
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.axes import Axes
 from softnn.contracts import Array, Chunk
@@ -140,11 +141,6 @@ def _recordings(case: Case, told: Judgement) -> list[dict[str, Any]]:
     engine, out = told.fine, []
     for i, r in enumerate(case.recordings):
         rows = engine.owner == i
-        target = engine.target[rows]
-
-        def nrmse(one: Fit, rows: Any = rows, target: Array = target) -> float:
-            return verify.nrmse_of((target - one.stress[rows]) ** 2, target**2)
-
         out.append(
             {
                 "name": r.name,
@@ -152,8 +148,8 @@ def _recordings(case: Case, told: Judgement) -> list[dict[str, Any]]:
                 "specimen": case.specimen.get(r.name) or r.specimen,
                 "understood": understood(r),
                 "source": r.source,
-                "nrmse_before": nrmse(told.before),
-                "nrmse_after": nrmse(told.after),
+                "nrmse_before": _nrmse(told, told.before, rows),
+                "nrmse_after": _nrmse(told, told.after, rows),
             }
         )
     return out
@@ -193,9 +189,11 @@ def _regions(
     return locate.regions(engine, mask, moved, axes)
 
 
-def _nrmse(told: Judgement, one: Fit) -> float:
-    target = told.fine.target
-    return verify.nrmse_of((target - one.stress) ** 2, target**2)
+def _nrmse(told: Judgement, one: Fit, rows: NDArray[np.bool] | None = None) -> float:
+    """NRMSE of a fit, of all samples or of those in `rows` (valid,)."""
+    rows = np.ones(len(told.fine.target), bool) if rows is None else rows
+    target = told.fine.target[rows]
+    return verify.nrmse_of((target - one.stress[rows]) ** 2, target**2)
 
 
 def _errors(told: Judgement, one: Fit, heldout: verify.Heldout) -> dict[str, Any]:
@@ -237,6 +235,8 @@ def _explanation(
     bare = replace(found.guess, pieces=rest)
     refit = fit(engine, bare, fixed_base=found.fixed_base, iterations=3)
     acts = np.abs(change) > locate.SIGMAS * engine.sigma
+    on = _where_on(piece, engine.owner[acts])
+    mine = np.isin(engine.owner, on) if on else np.ones(len(engine.owner), bool)
     return {
         "effect": law.id,
         "stage": law.stage,
@@ -245,8 +245,9 @@ def _explanation(
         "parameters": parameters,
         "where": law.where,
         "equivalent": told.posterior.instead(law.id),
-        "recordings": [names[r] for r in _where_on(piece, engine.owner[acts])],
+        "recordings": [names[r] for r in on],
         "nrmse_without": _nrmse(told, refit),
+        "nrmse_own": [_nrmse(told, one, mine) for one in (refit, found)],
     }
 
 
