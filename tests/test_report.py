@@ -118,7 +118,9 @@ def changed(**parts):
 
 def visible(page):
     """What a reader sees of a page, without what effects and parameters mean."""
-    text = re.sub(r"<(script|style|svg|thead).*?</\1>", " ", page.read_text(), flags=re.S)
+    text = re.sub(
+        r"<(script|style|svg|thead).*?</\1>", " ", page.read_text(), flags=re.S
+    )
     text = re.sub(r'<(span|td) class="soft".*?</\1>', " ", text, flags=re.S)
     text = re.sub(r"<option.*?</option>", " ", text, flags=re.S)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text))
@@ -305,8 +307,8 @@ def test_two_effects_of_new_specimens_and_whether_there_is_a_third():
     )
     assert result["summary"] == (
         "Mullins softening (97 %) was left out, and most likely permanent set (60 %). "
-        "With them, new specimens are predicted to 2 % instead of 12 % (noise 0.99 % at "
-        "most). Whether a third effect is there (perhaps inertia (20 %)), these "
+        "With them, new specimens are predicted to 2 % instead of 12 % (noise 0.99 % "
+        "at most). Whether a third effect is there (perhaps inertia (20 %)), these "
         "recordings cannot tell."
     )
 

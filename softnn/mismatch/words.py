@@ -87,7 +87,9 @@ def _named(result: Result) -> str:
     parts = {e["effect"]: _in(result, e["recordings"]) for e in _own(result)}
 
     def said(names: Sequence[str]) -> str:
-        return listed([f"{plain(n)}{parts.get(n, '')} ({sure(every[n])})" for n in names])
+        return listed(
+            [f"{plain(n)}{parts.get(n, '')} ({sure(every[n])})" for n in names]
+        )
 
     names = sorted(result["selected"], key=lambda n: -every[n])
     certain = [n for n in names if every[n] >= SURE]
@@ -149,8 +151,8 @@ def _error(result: Result) -> str:
     if names and old - fit["after"]["heldout_nrmse"] ** 2 < HELPS * (old - least):
         # Of faults of single recordings others learn nothing.
         return (
-            f"{with_}, the error on all recordings is {whole[1]} instead of {whole[0]}; "
-            f"{new} are predicted to {after} instead of {before} ({noise})."
+            f"{with_}, the error on all recordings is {whole[1]} instead of "
+            f"{whole[0]}; {new} are predicted to {after} instead of {before} ({noise})."
         )
     return f"{with_}, {new} are predicted to {after} instead of {before} ({noise})."
 
@@ -200,7 +202,7 @@ def _factors(result: Result) -> list[str]:
 
 
 def _instead(result: Result) -> tuple[list[str], list[str]]:
-    """On effects that could stand in another's place; and the others that are likely."""
+    """Sentences on effects that could replace a named one; the other likely ones."""
     names, every = set(result["selected"]), _probability(result)
     left = [n for n, p in every.items() if n not in names and p >= LIKELY]
     if not left or result["verdict"] == "unexplained":
@@ -228,7 +230,9 @@ def _structure(result: Result) -> list[str]:
     it = "What the correction leaves" if result["corrected_by"] else "The mismatch"
     said = []
     if structure["depends_on"]:
-        said.append(f"{it} depends most on {plain(next(iter(structure['depends_on'])))}.")
+        said.append(
+            f"{it} depends most on {plain(next(iter(structure['depends_on'])))}."
+        )
     if period := structure["period"]:
         said.append(
             f"{it} comes back every {period['period']:.3g} {period['unit']} of "
@@ -255,7 +259,9 @@ def _next(result: Result) -> str:
             )
         return f"Record {advice['strain_programme']}."
     if result["shows"]["few"]:
-        return "Record more: cycles to growing strain, each amplitude twice, and a hold."
+        return (
+            "Record more: cycles to growing strain, each amplitude twice, and a hold."
+        )
     if result["corrected_by"]:
         return "Simulate with the corrected model, model.json."
     if result["verdict"] == "nothing_missing":
@@ -264,7 +270,7 @@ def _next(result: Result) -> str:
 
 
 def next_recording(result: Result) -> dict[str, Any] | None:
-    """The recording that would tell the likeliest effects apart; None if all is told.
+    """The recording that separates the likeliest effects; None where none are left.
 
     Only effects of a tenth or more are worth a recording.
     """
@@ -322,7 +328,9 @@ def reason(row: Mapping[str, Any], result: Result) -> str:
         return _why_named(name, result)
     alone = f"leaves {percent(error)} alone" if row["alone"] else ""
     if name in by:
-        return f"{alone or 'not fitted alone'}; in the corrected model, perhaps by chance"
+        return (
+            f"{alone or 'not fitted alone'}; in the corrected model, perhaps by chance"
+        )
     if result["shows"]["few"]:
         return "too little was recorded to tell"
     if result["shows"]["only_loading"] and not names:
@@ -330,7 +338,9 @@ def reason(row: Mapping[str, Any], result: Result) -> str:
     if not (alone or together):
         return "gained too little to be fitted"
     if result["verdict"] == "nothing_missing":
-        return f"{alone or 'no gain'}; the simulation leaves {percent(before)} without it"
+        return (
+            f"{alone or 'no gain'}; the simulation leaves {percent(before)} without it"
+        )
     beside, least = _beside(name, together, result) if together else ("", error)
     text = "; ".join(s for s in (alone, beside) if s)
     best = min(error, least) if row["alone"] else least
@@ -389,4 +399,7 @@ def _listed(names: Sequence[str], but: str = "") -> str:
 def _evidence(result: Result) -> float:
     """The largest log evidence of a single effect that is named."""
     named = result["selected"]
-    return max((r["evidence"] for r in result["candidates"] if r["effect"] in named), default=0.0)
+    return max(
+        (r["evidence"] for r in result["candidates"] if r["effect"] in named),
+        default=0.0,
+    )

@@ -45,7 +45,7 @@ def diagnosis(
 ) -> dict[str, Any]:
     """All of it but what the stretches of `untaught` add; `axes` say what counts as 1.
 
-    `case` is what was diagnosed of the `whole` case.
+    `case` is the part of the `whole` case that was diagnosed.
 
     The scan for regions and the interval of the held-out error draw from `rng`.
     """
@@ -156,7 +156,7 @@ def _recordings(case: Case, told: Judgement) -> list[dict[str, Any]]:
 
 
 def _heldout_by(told: Judgement) -> str:
-    """What was left out of the fit at a time: a specimen, a recording, a stretch."""
+    """The unit that the fit does without in turn: specimen, recording or stretch."""
     base = told.candidates[0]
     if isinstance(base, Candidate):
         return next(f.by for f in base.folds.every if f.by in SINGLE)
@@ -307,11 +307,11 @@ def _nearest(told: Judgement) -> dict[str, Any] | None:
 
 
 def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str, Any]:
-    """The strain programme on which the two effects to be told apart differ most.
+    """The strain programme on which two effects differ most.
 
-    Time in s and strain (n,) in the unit of the recordings, to the largest strain that
-    they have and in the directions that they have; `differ` is the root mean square
-    difference of the two predictions over that of their mean.
+    Time in s and strain (n,) in the unit of the recordings. It goes to their largest
+    strain, in their directions. `differ` is the root mean square difference of the two
+    predictions over that of their mean.
     """
     strain = np.concatenate([c.strain for c in told.engine.chunks])
     low, high = float(strain.min()), float(strain.max())

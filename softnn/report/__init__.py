@@ -1,8 +1,8 @@
 """A diagnosis as one HTML page that opens with no server and no network.
 
 `page` says what stands on it, out of diagnosis.json alone; `where` puts regions into
-words, `phrases` numbers and names, `picture` packs what is drawn; `report.html`, `index.html`, `style.css` and
-`picture.js` are its looks.
+words, `phrases` numbers and names, `picture` packs the curves; `report.html`,
+`index.html`, `style.css` and `picture.js` are its looks.
 """
 
 from __future__ import annotations
@@ -77,5 +77,7 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(number=number, percent=percent, plain=plain, opened=opened, sure=sure)
+    made.filters.update(
+        number=number, percent=percent, plain=plain, opened=opened, sure=sure
+    )
     return made

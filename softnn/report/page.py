@@ -1,4 +1,4 @@
-"""What stands on the page of a diagnosis, as plain values for its template.
+"""Plain values for the template of a report.
 
 Every figure on the page is one of diagnosis.json; nothing is computed here.
 """
@@ -171,4 +171,6 @@ def _provenance(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         *result["software"].items(),
         ("seconds", number(result.get("seconds"))),
     ]
-    return rows + [(r["name"], r["source"]) for r in result["recordings"] if r["source"]]
+    return rows + [
+        (r["name"], r["source"]) for r in result["recordings"] if r["source"]
+    ]

@@ -102,13 +102,15 @@ def library() -> str:
 def sketch(
     time_s: ArrayLike, strain: ArrayLike, width: float = 360.0, height: float = 120.0
 ) -> dict[str, Any]:
-    """A strain programme (n,) as points of an SVG line, with its ends in s and strain."""
+    """A strain programme (n,) as points of an SVG line; its ends in s and strain."""
     time, y = np.asarray(time_s, float), np.asarray(strain, float)
     low, high = min(float(y.min()), 0.0), max(float(y.max()), 0.0)
     across = width * (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)
     down = height * (high - y) / max(high - low, 1e-300)
     return {
-        "points": " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, down, strict=True)),
+        "points": " ".join(
+            f"{a:.1f},{b:.1f}" for a, b in zip(across, down, strict=True)
+        ),
         "width": width,
         "height": height,
         "seconds": float(time[-1] - time[0]),
