@@ -164,7 +164,8 @@ def test_a_width_typed_wrong_is_named_with_its_factor(width):
     error = said["parameters"]["error of r1"]
     assert 1 + error["value"] == pytest.approx(10.25 / width, rel=0.08)
     assert found.verdict == "explained"
-    assert f"The stress of r1 is {1 + error['value']:.3g} times what" in found.summary
+    assert f"The stress of r1 is {1 + error['value']:.3g} times that" in found.summary
+    assert "cross-section" in found.result["answer"]["next"]
 
 
 def test_the_width_is_named_beside_what_the_material_does():

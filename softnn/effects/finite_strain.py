@@ -43,7 +43,7 @@ class FiniteStrain(Effect):
     shape: tuple[str, ...] = ("section",)
     where = "in the viscous part, at large strain"
     twins = {
-        "strain_dependent_relaxation": "compression as well as tension",
+        "strain_dependent_relaxation": "cycles to larger strain",
         "nonlinear_viscosity": "the same strain at three rates over two decades",
     }
 

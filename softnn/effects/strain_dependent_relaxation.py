@@ -49,7 +49,7 @@ class StrainDependentRelaxation(Effect):
     shape: tuple[str, ...] = ("curvature",)
     where = "in relaxation, by different shares at different strains"
     twins = {
-        "finite_strain": "compression as well as tension",
+        "finite_strain": "cycles to larger strain",
         "nonlinear_viscosity": "holds at one strain reached at different rates",
     }
 

@@ -31,7 +31,7 @@ class TensionOnly(Effect):
     twins = {
         "permanent_set": "unloading to a small tension only",
         "slack": "a first loading from zero",
-        "load_cell_saturation": "compression of a short block",
+        "load_cell_saturation": "a known push on the load cell, with no specimen",
     }
 
     @property

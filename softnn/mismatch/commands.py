@@ -197,6 +197,7 @@ def _run(arguments: argparse.Namespace, out: Path, jobs: list[Job]) -> int:
                 shown.clear()
                 with bar.external_write_mode(file=sys.stdout):
                     print(f"{jobs[i].out.name}: {outcome.line}", flush=True)
+                    print(f"Next: {outcome.result['answer']['next']}", flush=True)
     bar.close()
     done = any(row["result"] is not None for row in rows)
     page = write_index(rows, out) if not single else jobs[0].out / "report.html"
@@ -304,6 +305,8 @@ def demo(arguments: argparse.Namespace) -> int:
     (job,) = batch.jobs_of([str(out / "case")], out / "found", None)
     outcome = batch.diagnose_one(job)
     print(outcome.line)
+    if outcome.result is not None:
+        print(f"Next: {outcome.result['answer']['next']}")
     print(f"report: {job.out / 'report.html'}")
     print(f"Your own: softnn diagnose FOLDER_OR_FILES --out {out / 'mine'}")
     return 0 if outcome.result is not None else 2

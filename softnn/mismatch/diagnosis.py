@@ -176,7 +176,7 @@ def _diagnose(
     learned = None
     if told.verdict == "unexplained":
         learned = learn(told.engine, told.decision.account.fit, rng)
-    result = written.diagnosis(case, axes, told, learned, rng)
+    result = written.diagnosis(case, axes, told, learned, rng, whole)
     untaught.tell(result, whole, never)
     result["seconds"] = round(time.perf_counter() - clock, 3)
 

@@ -120,7 +120,9 @@ def tell(result: dict[str, Any], case: Case, found: Sequence[Stretch]) -> None:
             f"{one.start_s:.4g} to {one.end_s:.4g} s"
             + (f" and {len(more)} more)" if more else ")")
         )
-    result["summary"] += (
-        f" The network was never shown {listed(told)}; what it misses there is no "
+    said = (
+        f"The network was never shown {listed(told)}; what it misses there is no "
         "physics of the material."
     )
+    result["answer"]["open"].append(said)
+    result["summary"] += f" {said}"

@@ -1,198 +1,405 @@
-"""What is said of a diagnosis: in words that carry how sure it is."""
+"""The answer in words: every sentence is made of diagnosis.json alone.
+
+*Left out* and *missing* are said of physics. Data that the fit did not use are *new
+specimens*, *recordings not used in the fit* or *parts not used in the fit*.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from softnn.effects import effect
-from softnn.mismatch import locate
 from softnn.mismatch.decision import HELPS
-from softnn.mismatch.judgement import Judgement
-from softnn.mismatch.mistakes import mistaken
-from softnn.mismatch.posterior import NAMED, SURE
-from softnn.report.phrases import listed, opened, percent, plain
+from softnn.mismatch.posterior import LIKELY, NAMED, SURE
+from softnn.report.page import UNUSED
+from softnn.report.phrases import listed, number, opened, percent, plain, sure
+
+Result = Mapping[str, Any]
+
+ORDINALS = ("first", "second", "third", "fourth", "fifth")
+FEW = 2  # recordings that a sentence names; of more it says how many
+SAME = 1.02  # of an error, within which another is as good
 
 
-def summary(result: dict[str, Any], told: Judgement) -> str:
-    """The answer in a few sentences; `result` is what diagnosis.json holds so far."""
-    said = _answer(result, told)
-    if told.judged_by == "prediction":
-        noise = percent(result["fit"]["noise_nrmse"])
-        said += (
-            " No known effect explains these recordings down to the noise "
-            f"({noise} at most); sets of effects were compared by their predictions."
-        )
-    return said
+def answer(result: Result) -> dict[str, Any]:
+    """The answer, sentence by sentence: `what`, `error`, `open` (a list) and `next`.
+
+    `what` is missing and how sure that is; `error` before and after the correction;
+    `open` is what these recordings cannot tell; `next` is what to do.
+    """
+    return {
+        "what": _what(result),
+        "error": _error(result),
+        "open": _open(result),
+        "next": _next(result),
+    }
 
 
-def _answer(result: dict[str, Any], told: Judgement) -> str:
-    fit, probable = result["fit"], told.posterior
-    noise = percent(fit["noise_nrmse"])
-    before = percent(fit["before"]["heldout_nrmse"])
-    several = len(told.engine.chunks) > 1
-    unseen = "on recordings not used" if several else "on parts left out of it"
-    missed = f"the error {unseen} is {before}, the noise {noise}."
-    if told.names:
-        return _named(result, told, f"the error {unseen} goes from {before}", noise)
-    if told.verdict == "nothing_missing":
-        return (
-            f"Nothing is missing ({_sure(probable.nothing)}): what is left of {before} "
-            f"is noise ({noise})."
-        )
-    if told.verdict == "unexplained":
-        chance, which = probable.nothing_named, "that is on no list"
-        if chance < NAMED:  # an effect leads, and takes away too little to be it
-            chance, which = 1 - probable.nothing, "that no effect known here explains"
-        return (
-            f"Something is missing {which} ({_sure(chance)}): {missed}"
-            f"{_nearest(told)}{_corrected(result, told)}{_structure(result, told)}"
-        )
-    if locate.only_loading(told.engine) and not told.decision.shows.few:
-        return (
-            f"The simulation misses {before} of what was recorded (noise {noise}), but "
-            "first loading alone does not tell what: softening, set, friction and "
-            "others look alike there. Record the way back, and cycles."
-        )
-    if not told.decision.tellable:
+def summary(told: Mapping[str, Any]) -> str:
+    """The sentences of an answer in a line, without what to do next."""
+    return " ".join(s for s in (told["what"], told["error"], *told["open"]) if s)
+
+
+def unused(result: Result) -> str:
+    """Data that the fit did not use, as a sentence calls them."""
+    return UNUSED[result["fit"]["heldout_by"]]
+
+
+# --- what -----------------------------------------------------------------------------
+
+
+def _what(result: Result) -> str:
+    nothing = result["probabilities"]["nothing"]
+    if result["selected"]:
+        return _named(result)
+    if result["verdict"] == "nothing_missing":
+        return f"Nothing is missing ({sure(nothing)})."
+    if result["shows"]["few"]:
         return "Too little was recorded to tell whether anything is missing."
-    said = "It cannot be told what is missing, or whether anything is"
-    if probable.nothing <= 1 - SURE:
-        sure = _sure(1 - probable.nothing)
-        said = f"Something is missing ({sure}), but it cannot be told what"
-    return f"{said}: {missed}{_otherwise(told)}{_corrected(result, told)}"
-
-
-def _sure(probability: float) -> str:
-    return f"{100 * probability:.0f} %"
-
-
-def _effects(names: list[str]) -> str:
-    return listed([plain(n) for n in names])
-
-
-def _named(result: dict[str, Any], told: Judgement, falls: str, noise: str) -> str:
-    """What was left out, or most likely was, and what it takes from the error."""
-    chance = min(told.posterior.effects[n] for n in told.names)
-    named, one = _effects(told.names), len(told.names) == 1
-    apart = _apart(told)
-    if apart and one:  # its scale was free before, so that no error changes
-        before = percent(result["fit"]["before"]["heldout_nrmse"])
-        likely = named if chance >= SURE else f"most likely {named}"
-        said = f"{likely} ({_sure(chance)}).{apart} Otherwise the error is {before}"
-        more = " Part of that stays unexplained." * (told.verdict == "partly_explained")
-        return f"{opened(said)} (noise {noise}).{more}{_otherwise(told)}"
-    said = f"Most likely {named} ({_sure(chance)})."
-    if chance >= SURE:
-        said = f"{opened(named)} {'was' if one else 'were'} left out ({_sure(chance)})"
-        said += f", {effect(told.names[0]).where}." if one else "."
-    fit, it = result["fit"], "it" if one else "them"
-    if told.decision.account.effects > set(told.names):  # of readings with it the best
-        it = _effects(sorted(told.decision.account.effects))
-    after = fit["after"]["heldout_nrmse"]
-    said += f" With {it} {falls} to {percent(after)} (noise {noise})."
-    old, least = fit["before"]["heldout_nrmse"] ** 2, fit["noise_nrmse"] ** 2
-    if old - after**2 < HELPS * (old - least):
-        whole = (percent(fit[when]["nrmse"]) for when in ("before", "after"))
-        said += (
-            " What others show does not settle it there; on all together the error "
-            f"goes from {' to '.join(whole)}."
-        )
-    if told.verdict == "partly_explained":
-        said += " Part of the mismatch stays unexplained."
-    return said + apart + _otherwise(told)
-
-
-def _apart(told: Judgement) -> str:
-    """By what factor a specimen is off, where one is named as a mistake."""
-    said, named = "", mistaken(told.after) & set(told.names)
-    for piece in told.after.guess.pieces:
-        if piece.effect.id in named and not piece.nuisance:
-            mine = piece.groups[0]
-            names = listed([told.engine.data.names[r] for r in mine])
-            factor = 1 + float(piece.values[piece.effect.amplitude][mine[0]])
-            said += (
-                f" The stress of {names} is {factor:.3g} times what other specimens "
-                "have: a cross-section or a unit typed wrong?"
+    if result["verdict"] == "unexplained":
+        chance = result["probabilities"]["on_no_list"]
+        if chance >= NAMED:
+            return (
+                "Something is missing that is not on softnn's list of effects "
+                f"({sure(chance)})."
             )
-    return said
+        return (
+            f"Something is missing ({sure(1 - nothing)}), and no effect known to "
+            "softnn explains it."
+        )
+    if result["shows"]["only_loading"]:
+        return (
+            "First loading alone does not tell what is missing: softening, set, "
+            "friction and others look alike there."
+        )
+    if nothing <= 1 - SURE:
+        return (
+            f"Something is missing ({sure(1 - nothing)}), but these recordings cannot "
+            "tell what."
+        )
+    return "These recordings cannot tell what is missing, or whether anything is."
 
 
-def _otherwise(told: Judgement) -> str:
-    """The other readings that share the probability."""
-    ways = told.posterior.ways()
-    others = [(s, p) for s, p in ways if s != frozenset(told.names)][:3]
-    if not others or ways[0][1] >= SURE:
+def _named(result: Result) -> str:
+    """The effects that were left out, with the probability of each."""
+    every = _probability(result)
+    parts = {e["effect"]: _in(result, e["recordings"]) for e in _own(result)}
+
+    def said(names: Sequence[str]) -> str:
+        return listed(
+            [f"{plain(n)}{parts.get(n, '')} ({sure(every[n])})" for n in names]
+        )
+
+    names = sorted(result["selected"], key=lambda n: -every[n])
+    certain = [n for n in names if every[n] >= SURE]
+    likely = [n for n in names if every[n] < SURE]
+    if not certain:
+        return f"Most likely {said(likely)} {_were(likely)} left out."
+    text = f"{opened(said(certain))} {_were(certain)} left out"
+    return f"{text}{f', and most likely {said(likely)}' if likely else ''}."
+
+
+def _were(names: Sequence[str]) -> str:
+    return "was" if len(names) == 1 else "were"
+
+
+def _probability(result: Result) -> dict[str, float]:
+    rows = result["candidates"]
+    return {r["effect"]: r["probability"] for r in rows if r["effect"] is not None}
+
+
+def _own(result: Result) -> list[dict[str, Any]]:
+    """Explanations by an effect that each recording has a value of its own of."""
+    rows = result["explanations"]
+    return [e for e in rows if effect(e["effect"], e["form"]).per_recording]
+
+
+def _in(result: Result, names: Sequence[str]) -> str:
+    """In which recordings an effect is, where not in all of them."""
+    count = len(result["recordings"])
+    if len(names) in (0, count):
         return ""
-    said = [
-        f"{_effects(sorted(s)) if s else 'nothing that has a name'} ({_sure(p)})"
-        for s, p in others
-    ]
-    return f" {'Or' if told.names else 'Possible:'} {', or '.join(said)}."
+    if len(names) > FEW:
+        return f" in {len(names)} of {count} recordings"
+    return f" in {listed(names)}"
 
 
-def _corrected(result: dict[str, Any], told: Judgement) -> str:
-    """By what the simulation is corrected, where nothing is named."""
-    if not told.decision.account.effects:
-        return ""
-    after = percent(result["fit"]["after"]["heldout_nrmse"])
-    effects = _effects(sorted(told.decision.account.effects))
-    return (
-        f" The corrected model has {effects}: it predicts best what was left out "
-        f"({after})."
-    )
+# --- the error ------------------------------------------------------------------------
 
 
-def _structure(result: dict[str, Any], told: Judgement) -> str:
-    """On what that depends which no effect explains, and when it comes back."""
+def _error(result: Result) -> str:
+    fit, new = result["fit"], unused(result)
+    before, after = (percent(fit[k]["heldout_nrmse"]) for k in ("before", "after"))
+    whole = [percent(fit[k]["nrmse"]) for k in ("before", "after")]
+    noise = f"noise {_noise(result)}"
+    by, names = result["corrected_by"], result["selected"]
+    if result["verdict"] == "nothing_missing":
+        return f"The simulation predicts {new} to {before} ({noise})."
+    if names and all(effect(n).scatter for n in names):
+        # Specimens have a scale of their own either way, so that no error changes.
+        return f"But for that, {new} are predicted to {before} ({noise})."
+    if not by:
+        return f"The simulation predicts {new} to {before} only ({noise})."
+    if not names:
+        with_ = f"With {_listed(by)}"
+    elif set(by) <= set(names):
+        with_ = "With it" if len(names) == 1 else "With them"
+    else:
+        with_ = f"With {listed([plain(n) for n in by if n not in names])} as well"
+    old, least = fit["before"]["heldout_nrmse"] ** 2, fit["noise_nrmse"] ** 2
+    if names and old - fit["after"]["heldout_nrmse"] ** 2 < HELPS * (old - least):
+        # Of faults of single recordings others learn nothing.
+        return (
+            f"{with_}, the error on all recordings is {whole[1]} instead of "
+            f"{whole[0]}; {new} are predicted to {after} instead of {before} ({noise})."
+        )
+    return f"{with_}, {new} are predicted to {after} instead of {before} ({noise})."
+
+
+def _noise(result: Result) -> str:
+    most = " at most" if result["judged_by"] == "prediction" else ""
+    return f"{percent(result['fit']['noise_nrmse'])}{most}"
+
+
+# --- what stays open ------------------------------------------------------------------
+
+
+def _open(result: Result) -> list[str]:
+    names, near = result["selected"], result["nearest"]
+    said, beside = _instead(result)
+    if result["verdict"] == "unexplained" and near:
+        said.append(
+            f"The nearest known effect, {plain(near['effect'])}, accounts for "
+            f"{percent(near['share'])} of the mismatch."
+        )
+    beyond = result["judged_by"] == "prediction" and bool(names)
+    if beyond or result["verdict"] == "partly_explained":
+        which = ORDINALS[min(len(names), len(ORDINALS) - 1)]
+        maybe = f" (perhaps {listed(beside)})" if beside else ""
+        said.append(
+            f"Whether a {which} effect is there{maybe}, these recordings cannot tell."
+        )
+    elif beside:
+        is_ = "is" if len(beside) == 1 else "are"
+        said.append(f"{opened(listed(beside))} {is_} possible as well.")
+    return _factors(result) + said + _structure(result)
+
+
+def _factors(result: Result) -> list[str]:
+    """By what factor a specimen is off, where that is named as a mistake."""
+    said = []
+    for told in result["explanations"]:
+        law = effect(told["effect"], told["form"])
+        for name in told["recordings"] if law.scatter else ():
+            row = told["parameters"].get(f"{law.amplitude} of {name}")
+            if row:
+                said.append(
+                    f"The stress of {name} is {1 + row['value']:.3g} times that of the "
+                    "other specimens."
+                )
+    return said[:FEW]
+
+
+def _instead(result: Result) -> tuple[list[str], list[str]]:
+    """Sentences on effects that could replace a named one; the other likely ones."""
+    names, every = set(result["selected"]), _probability(result)
+    left = [n for n, p in every.items() if n not in names and p >= LIKELY]
+    if not left or result["verdict"] == "unexplained":
+        return [], []
+    likely = [f"{plain(n)} ({sure(every[n])})" for n in left]
+    if not names:
+        return [f"Possible: {listed(likely)}."], []
+    said, placed = list[str](), set[str]()
+    for told in result["explanations"]:
+        mine = [n for n in left if n in told["equivalent"] and n not in placed]
+        placed |= set(mine)
+        if mine:
+            them = " or ".join(f"{plain(n)} ({sure(every[n])})" for n in mine)
+            said.append(
+                f"{opened(them)} would do nearly as well as {plain(told['effect'])}."
+            )
+    return said, [s for n, s in zip(left, likely, strict=True) if n not in placed]
+
+
+def _structure(result: Result) -> list[str]:
+    """What the unexplained mismatch depends on, and when it comes back."""
     structure = result["structure"]
     if not structure:
-        return ""
-    said, it = "", "What that leaves" if told.decision.account.effects else "It"
+        return []
+    it = "What the correction leaves" if result["corrected_by"] else "The mismatch"
+    said = []
     if structure["depends_on"]:
-        said = f" {it} depends on {plain(next(iter(structure['depends_on'])))} most."
+        said.append(
+            f"{it} depends most on {plain(next(iter(structure['depends_on'])))}."
+        )
     if period := structure["period"]:
-        said += (
-            f" {it} comes back every {period['period']:.3g} {period['unit']} of "
+        said.append(
+            f"{it} comes back every {period['period']:.3g} {period['unit']} of "
             f"{period['axis']}."
         )
     return said
 
 
-def _nearest(told: Judgement) -> str:
-    """The known effect that comes nearest, with the share it accounts for."""
-    for name in told.posterior.effects:
-        own = [a.fit.chi2 for a in told.candidates if a.effects == {name}]
-        if own:
-            old = told.base.fit.chi2
-            missed = max(old - len(told.engine.target), 1e-9)
-            share = min(max((old - min(own)) / missed, 0.0), 1.0)
+# --- what to do -----------------------------------------------------------------------
+
+
+def _next(result: Result) -> str:
+    advice = result["next_recording"]
+    mistakes = [e for e in result["explanations"] if effect(e["effect"]).scatter]
+    if mistakes:
+        them = listed(mistakes[0]["recordings"][:FEW])
+        return f"Check cross-section and units of {them}."
+    if advice:
+        separates = [plain(n) for n in advice["separates"]]
+        if len(separates) == 2:
             return (
-                f" The nearest known effect, {plain(name)}, accounts for "
-                f"{_sure(share)} of it."
+                f"To tell {separates[0]} from {separates[1]}, record "
+                f"{advice['strain_programme']}."
             )
-    return ""
+        return f"Record {advice['strain_programme']}."
+    if result["shows"]["few"]:
+        return (
+            "Record more: cycles to growing strain, each amplitude twice, and a hold."
+        )
+    if result["corrected_by"]:
+        return "Simulate with the corrected model, model.json."
+    if result["verdict"] == "nothing_missing":
+        return "Use the simulation as it is; its parameters are in base.json."
+    return "Record cycles at other rates and to other strains."
 
 
-def next_recording(told: Judgement) -> dict[str, Any] | None:
-    """The recording that would tell the likeliest readings apart."""
-    names = list(told.posterior.effects)
-    if not told.names and locate.only_loading(told.engine):
+def next_recording(result: Result) -> dict[str, Any] | None:
+    """The recording that separates the likeliest effects; None where none are left.
+
+    Only effects of a tenth or more are worth a recording.
+    """
+    every = _probability(result)
+    names = list(every)
+    if not result["selected"] and result["shows"]["only_loading"]:
         return {
             "strain_programme": "cycles to growing strain, each amplitude twice, and a "
             "hold",
             "separates": names[:3],
-            "why": "they look alike on first loading, and part on the way back",
+            "why": "effects that look alike on first loading part on the way back",
         }
-    for first in names[:3]:
-        for second in names[:6]:
-            if first == second or (first in told.names and second in told.names):
-                continue
-            text = effect(first).twins.get(second) or effect(second).twins.get(first)
-            if text:
-                return {
-                    "strain_programme": text,
-                    "separates": [first, second],
-                    "why": f"{plain(second)} comes near {plain(first)} here; they part "
-                    "where one of them does not show",
-                }
+    likely = [n for n in names if every[n] >= LIKELY]
+    open_ = [
+        (first, second)
+        for i, first in enumerate(likely)
+        for second in likely[i + 1 :]
+        if every[second] < SURE
+    ]
+    same = {
+        frozenset((told["effect"], other))
+        for told in result["explanations"]
+        for other in told["equivalent"]
+    }
+    # Of two that are named one rarely stands for the other: these come last.
+    named = set(result["selected"])
+    open_.sort(key=lambda pair: (frozenset(pair) not in same, set(pair) <= named))
+    for first, second in open_:
+        text = effect(first).twins.get(second) or effect(second).twins.get(first)
+        if text:
+            return {
+                "strain_programme": text,
+                "separates": [first, second],
+                "why": "one of them does not show there",
+            }
     return None
+
+
+# --- reasons --------------------------------------------------------------------------
+
+
+def reason(row: Mapping[str, Any], result: Result) -> str:
+    """Why an effect is named, or is not, with the errors that decide it.
+
+    `row` is one of `candidates`: `heldout_nrmse` is the error with the effect alone,
+    `together` the best set of it and others.
+    """
+    name, error, together = row["effect"], row["heldout_nrmse"], row["together"]
+    names, by = result["selected"], result["corrected_by"]
+    before, after = (result["fit"][k]["heldout_nrmse"] for k in ("before", "after"))
+    if name is None:
+        enough = result["verdict"] == "nothing_missing"
+        return "enough by itself" if enough else f"leaves {percent(before)}"
+    if name in names:
+        return _why_named(name, result)
+    alone = f"leaves {percent(error)} alone" if row["alone"] else ""
+    if name in by:
+        return (
+            f"{alone or 'not fitted alone'}; in the corrected model, perhaps by chance"
+        )
+    if result["shows"]["few"]:
+        return "too little was recorded to tell"
+    if result["shows"]["only_loading"] and not names:
+        return "looks like others on first loading"
+    if not (alone or together):
+        return "gained too little to be fitted"
+    if result["verdict"] == "nothing_missing":
+        return (
+            f"{alone or 'no gain'}; the simulation leaves {percent(before)} without it"
+        )
+    beside, least = _beside(name, together, result) if together else ("", error)
+    text = "; ".join(s for s in (alone, beside) if s)
+    best = min(error, least) if row["alone"] else least
+    if not by:
+        if best > before / SAME:
+            return f"{text}; the simulation leaves {percent(before)} without it"
+        if result["verdict"] == "unexplained":
+            noise = percent(result["fit"]["noise_nrmse"])
+            return f"{text}, far above the noise ({noise})"
+        return f"{text}, and others do as well"
+    if beside:
+        return text
+    whole = f"{_listed(by)} {'leave' if len(by) > 1 else 'leaves'} {percent(after)}"
+    lost = _evidence(result) - row["evidence"]
+    if best <= SAME * after and lost > 0 and result["judged_by"] == "likelihood":
+        return f"{text} as {whole}, but its log evidence is lower by {number(lost)}"
+    return f"{text}; {whole}"
+
+
+def _why_named(name: str, result: Result) -> str:
+    """What the error is without an effect that is named."""
+    own = [e for e in result["explanations"] if e["effect"] == name]
+    if not own:
+        return "named"
+    rows, count = own[0]["recordings"], len(result["recordings"])
+    where = _in(result, rows) if 0 < len(rows) < count else ""
+    without, with_ = (percent(e) for e in own[0]["nrmse_own"])
+    return (
+        f"named: the error{where or ' of the fit to all'} is {without} without it, "
+        f"{with_} with it"
+    )
+
+
+def _beside(
+    name: str, together: Mapping[str, Any], result: Result
+) -> tuple[str, float]:
+    """What an effect does beside others, or in the place of some; that error."""
+    by, new = set(result["corrected_by"]), set(together["effects"])
+    error, after = together["heldout_nrmse"], result["fit"]["after"]["heldout_nrmse"]
+    gone, more = sorted(by - new), sorted(new - by - {name})
+    others = f" with {_listed(more)}" if more else ""
+    now, old = percent(error), percent(after)
+    if not by:
+        return f"leaves {now}{others}", error
+    if gone:
+        place = f"in place of {_listed(gone)}{others} it leaves {now}"
+        return place + (" as well" if now == old else f", not {old}"), error
+    place = f"added to {_listed(sorted(by))}{others} it leaves {now}"
+    return place + (f" instead of {old}" if now != old else ", no less"), error
+
+
+def _listed(names: Sequence[str], but: str = "") -> str:
+    return listed([plain(n) for n in names if n != but])
+
+
+def _evidence(result: Result) -> float:
+    """The largest log evidence of a single effect that is named."""
+    named = result["selected"]
+    return max(
+        (r["evidence"] for r in result["candidates"] if r["effect"] in named),
+        default=0.0,
+    )

@@ -1,23 +1,38 @@
-"""What diagnosis.json holds, in the units of the recordings."""
+"""What diagnosis.json holds, in the units of the recordings.
+
+Figures come first and sentences last: `words` reads nothing but this file, and so does
+the report.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from importlib.metadata import version
+from platform import python_version
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.axes import Axes
-from softnn.contracts import Array
+from softnn.contracts import Array, Chunk
+from softnn.effects import effect
 from softnn.fit import Fit, Piece, fit
-from softnn.mismatch import locate, verify, words
+from softnn.mismatch import faults, locate, verify, words
 from softnn.mismatch.case import Case
 from softnn.mismatch.evidence import changes
 from softnn.mismatch.judgement import Judgement
 from softnn.mismatch.learn import Learned
+from softnn.mismatch.posterior import Tried
+from softnn.mismatch.prediction import SINGLE, Candidate
+from softnn.model_file import Stored, from_dict, to_dict
+from softnn.plausible import understood
 from softnn.recording import data_hash
+from softnn.report import where
 
 VERSION = 1
+PROGRAMME = 400  # samples of a strain programme that is advised
 
 
 def diagnosis(
@@ -26,8 +41,11 @@ def diagnosis(
     told: Judgement,
     learned: Learned | None,
     rng: np.random.Generator,
+    whole: Case,
 ) -> dict[str, Any]:
     """All of it but what the stretches of `untaught` add; `axes` say what counts as 1.
+
+    `case` is the part of the `whole` case that was diagnosed.
 
     The scan for regions and the interval of the held-out error draw from `rng`.
     """
@@ -44,6 +62,9 @@ def diagnosis(
         "version": VERSION,
         "verdict": told.verdict,
         "summary": "",
+        "answer": {},
+        "recordings": _recordings(whole, told),
+        "notes": _notes(whole),
         "selected": told.names,
         "noise": _noise(told, axes),
         "mismatch": _regions(told, axes, rng),
@@ -63,6 +84,7 @@ def diagnosis(
             for s, p in probable.ways()
         ],
         "fit": {
+            "heldout_by": _heldout_by(told),
             "before": _errors(told, told.before, before),
             "after": _errors(told, told.after, after),
             "heldout_ratio": ratio,
@@ -70,17 +92,75 @@ def diagnosis(
             "noise_nrmse": told.noise_MPa * float(np.sqrt(samples / squares)),
             "residual_correlation": verify.whiteness(told.engine, decision.account.fit),
         },
-        "next_recording": words.next_recording(told),
+        "next_recording": None,
         "candidates": _candidates(told),
         "judged_by": told.judged_by,
+        "shows": {
+            "few": decision.shows.few,
+            "only_loading": decision.shows.only_loading,
+        },
+        "nearest": _nearest(told),
         "structure": None if learned is None else _structure(learned, axes),
+        "software": {
+            "Python": python_version(),
+            **{name: version(name) for name in ("numpy", "scipy")},
+        },
         "axes": {
             "strain": [axes.strain.name, axes.strain.unit],
             "stress": [axes.stress.name, axes.stress.unit],
         },
     }
-    result["summary"] = words.summary(result, told)
+    result["where"] = where.sentences(
+        result["mismatch"], len(case.recordings), axes.strain
+    )
+    advice = words.next_recording(result)
+    result["next_recording"] = advice and advice | _programme(told, axes, advice)
+    for row in result["candidates"]:
+        row["why"] = words.reason(row, result)
+    result["answer"] = words.answer(result)
+    result["summary"] = words.summary(result["answer"])
     return result
+
+
+def _notes(case: Case) -> list[str]:
+    """What a reader must know of the input before believing the answer."""
+    out = list(case.notes)
+    if len(case.recordings) == 1:
+        out.append("One recording: nothing can be checked on another.")
+    for r in case.recordings:
+        missing = int((~np.isfinite(r.strain) | ~np.isfinite(r.stress_MPa)).sum())
+        if missing:
+            out.append(f"{r.name}: {missing} of {len(r)} samples miss a value.")
+        read = [s for s in r.log if s.name == "read"]
+        out += [f"{r.name}: {n}" for s in read for n in s.arguments.get("notes", [])]
+    return out
+
+
+def _recordings(case: Case, told: Judgement) -> list[dict[str, Any]]:
+    """Each recording as it was understood, with its error before and after."""
+    engine, out = told.fine, []
+    for i, r in enumerate(case.recordings):
+        rows = engine.owner == i
+        out.append(
+            {
+                "name": r.name,
+                "samples": len(r),
+                "specimen": case.specimen.get(r.name) or r.specimen,
+                "understood": understood(r),
+                "source": r.source,
+                "nrmse_before": _nrmse(told, told.before, rows),
+                "nrmse_after": _nrmse(told, told.after, rows),
+            }
+        )
+    return out
+
+
+def _heldout_by(told: Judgement) -> str:
+    """The unit that the fit does without in turn: specimen, recording or stretch."""
+    base = told.candidates[0]
+    if isinstance(base, Candidate):
+        return next(f.by for f in base.folds.every if f.by in SINGLE)
+    return "recording" if len(told.engine.chunks) > 1 else "stretch"
 
 
 def _noise(told: Judgement, axes: Axes) -> dict[str, Any]:
@@ -109,9 +189,11 @@ def _regions(
     return locate.regions(engine, mask, moved, axes)
 
 
-def _nrmse(told: Judgement, one: Fit) -> float:
-    target = told.fine.target
-    return verify.nrmse_of((target - one.stress) ** 2, target**2)
+def _nrmse(told: Judgement, one: Fit, rows: NDArray[np.bool] | None = None) -> float:
+    """NRMSE of a fit, of all samples or of those in `rows` (valid,)."""
+    rows = np.ones(len(told.fine.target), bool) if rows is None else rows
+    target = told.fine.target[rows]
+    return verify.nrmse_of((target - one.stress[rows]) ** 2, target**2)
 
 
 def _errors(told: Judgement, one: Fit, heldout: verify.Heldout) -> dict[str, Any]:
@@ -153,6 +235,8 @@ def _explanation(
     bare = replace(found.guess, pieces=rest)
     refit = fit(engine, bare, fixed_base=found.fixed_base, iterations=3)
     acts = np.abs(change) > locate.SIGMAS * engine.sigma
+    on = _where_on(piece, engine.owner[acts])
+    mine = np.isin(engine.owner, on) if on else np.ones(len(engine.owner), bool)
     return {
         "effect": law.id,
         "stage": law.stage,
@@ -161,30 +245,121 @@ def _explanation(
         "parameters": parameters,
         "where": law.where,
         "equivalent": told.posterior.instead(law.id),
-        "recordings": [names[r] for r in np.unique(engine.owner[acts])],
+        "recordings": [names[r] for r in on],
         "nrmse_without": _nrmse(told, refit),
+        "nrmse_own": [_nrmse(told, one, mine) for one in (refit, found)],
     }
 
 
+def _where_on(piece: Piece, acts: Array) -> list[int]:
+    """Recordings that an effect is on in; of a law that all share, where it acts."""
+    if piece.effect.amplitude in piece.effect.per_recording:
+        return sorted(faults.on(piece))
+    return [int(r) for r in np.unique(acts)]
+
+
 def _candidates(told: Judgement) -> list[dict[str, Any]]:
-    """The base and every effect tried, alone at its best, the likeliest first."""
-    accounts = told.candidates
+    """The base and every effect tried, alone at its best, the likeliest first.
+
+    `alone` is whether it was: the figures of an effect that was only tried beside
+    others are those of the base. `together` is the best set of it and others.
+    """
+    accounts, known = told.candidates, dict[int, float]()
+
+    def error(one: Tried) -> float:
+        if id(one) not in known:
+            known[id(one)] = told.heldout(one).nrmse
+        return known[id(one)]
+
     out = []
     tried = [(None, told.posterior.nothing), *told.posterior.effects.items()]
     for name, p in tried:
         which = {name} - {None}
-        own = [a for a in accounts if a.effects == which] or accounts[:1]
-        best = max(own, key=told.log_odds)
+        own = [a for a in accounts if a.effects == which]
+        best = max(own or accounts[:1], key=told.log_odds)
+        sets = [a for a in accounts if which < a.effects] if name else []
+        beside = max(sets, key=told.log_odds, default=None)
         out.append(
             {
                 "effect": name,
                 "probability": round(p, 4),
-                "heldout_nrmse": told.heldout(best).nrmse,
+                "heldout_nrmse": error(best),
                 "evidence": told.log_odds(best),
                 "seconds": round(best.seconds, 3),
+                "alone": bool(own),
+                "together": beside
+                and {"effects": sorted(beside.effects), "heldout_nrmse": error(beside)},
             }
         )
     return out
+
+
+def _nearest(told: Judgement) -> dict[str, Any] | None:
+    """The likeliest effect that was fitted alone, and its share of the misfit."""
+    for name in told.posterior.effects:
+        own = [a.fit.chi2 for a in told.candidates if a.effects == {name}]
+        if own:
+            old = told.base.fit.chi2
+            missed = max(old - len(told.engine.target), 1e-9)
+            share = min(max((old - min(own)) / missed, 0.0), 1.0)
+            return {"effect": name, "share": share}
+    return None
+
+
+def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str, Any]:
+    """The strain programme on which two effects differ most.
+
+    Time in s and strain (n,) in the unit of the recordings. It goes to their largest
+    strain, in their directions. `differ` is the root mean square difference of the two
+    predictions over that of their mean.
+    """
+    strain = np.concatenate([c.strain for c in told.engine.chunks])
+    low, high = float(strain.min()), float(strain.max())
+    reach, both = max(-low, high), min(-low, high) > locate.BACK * max(-low, high)
+    models = [_with(told, name, advice["separates"]) for name in advice["separates"]]
+    found: list[tuple[float, Chunk]] = []
+    for name in advice["separates"][:2]:
+        law = effect(name)
+        chunk = law.telltale()
+        size = float(np.abs(chunk.strain).max())
+        pushed = not both and float(chunk.strain.min()) < -locate.RESTING * size
+        if law.needs_temperature or not size > 0 or pushed:
+            continue
+        side = -1.0 if not both and -low > high else 1.0
+        chunk = Chunk(chunk.time_s, side * reach / size * chunk.strain)
+        found.append((_differ(models[:2], chunk), chunk))
+    if not found:
+        return {"programme": None, "differ": None}
+    differ, chunk = max(found, key=lambda f: f[0])
+    pick = np.unique(np.linspace(0, len(chunk.time_s) - 1, PROGRAMME).astype(int))
+    return {
+        "programme": {
+            "time_s": (chunk.time_s - chunk.time_s[0])[pick].tolist(),
+            "strain": (axes.strain.one * chunk.strain)[pick].tolist(),
+        },
+        "differ": differ or None,
+    }
+
+
+def _with(told: Judgement, name: str, names: Sequence[str]) -> Stored | None:
+    """The best model that has this effect and none of the others."""
+    others = set(names) - {name}
+    own = [a for a in told.candidates if name in a.effects and not a.effects & others]
+    if not own or told.base.fixed:
+        return None
+    guess = max(own, key=told.log_odds).fit.guess
+    stored = from_dict(to_dict(guess, told.engine.data.names, "fresh", False))
+    assert isinstance(stored, Stored)
+    return stored
+
+
+def _differ(models: Sequence[Stored | None], chunk: Chunk) -> float:
+    """RMS difference of two predictions over that of their mean, 0 without two."""
+    stress = [m.stress(["the next"], [chunk], [None])[0] for m in models if m]
+    if len(stress) < 2:
+        return 0.0
+    a, b = stress
+    return float(verify.nrmse_of((a - b) ** 2, ((a + b) / 2) ** 2))
 
 
 def _structure(learned: Learned, axes: Axes) -> dict[str, Any]:

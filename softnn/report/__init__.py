@@ -1,8 +1,8 @@
 """A diagnosis as one HTML page that opens with no server and no network.
 
-`page` says what stands on it, `where` puts regions into words, `phrases` numbers and
-names, `picture` packs what is drawn; `report.html`, `index.html`, `style.css` and
-`picture.js` are its looks.
+`page` says what stands on it, out of diagnosis.json alone; `where` puts regions into
+words, `phrases` numbers and names, `picture` packs the curves; `report.html`,
+`index.html`, `style.css` and `picture.js` are its looks.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 from softnn.json_file import plain as in_json
 from softnn.json_file import write_text
-from softnn.report.page import VERDICTS, Found, contents
+from softnn.report.page import Found, contents, verdict
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -31,7 +31,7 @@ def write_report(found: Found, folder: str | Path) -> list[Path]:
         _templates()
         .get_template("report.html")
         .render(
-            contents(found),
+            contents(found.result, found.axes),
             stored=in_json(found.result),
             pictures=pack(recordings(found)),
             library=library(),
@@ -51,7 +51,7 @@ def write_index(rows: Sequence[Mapping[str, Any]], folder: str | Path) -> Path:
             "error": "",
             **row,
             "link": quote(str(row["page"])) if row.get("page") else "",
-            "verdict": VERDICTS[row["result"]["verdict"]] if row.get("result") else "",
+            "verdict": verdict(row["result"]) if row.get("result") else "",
         }
         for row in rows
     ]
@@ -68,7 +68,7 @@ def _write(path: Path, text: str) -> Path:
 def _templates() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    from softnn.report.phrases import number, opened, percent, plain
+    from softnn.report.phrases import number, opened, percent, plain, sure
 
     # Names come from files of anybody: nothing is printed that is not escaped.
     made = Environment(
@@ -78,5 +78,7 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(number=number, percent=percent, plain=plain, opened=opened)
+    made.filters.update(
+        number=number, percent=percent, plain=plain, opened=opened, sure=sure
+    )
     return made

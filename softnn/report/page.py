@@ -1,9 +1,11 @@
-"""What stands on the page of a diagnosis, as plain values for its template."""
+"""Plain values for the template of a report.
+
+Every figure on the page is one of diagnosis.json; nothing is computed here.
+"""
 
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
@@ -12,20 +14,21 @@ import numpy as np
 from softnn.axes import Axes
 from softnn.contracts import Array, Effect
 from softnn.effects import effect
-from softnn.plausible import understood
-from softnn.recording import Recording
-from softnn.report import where
-from softnn.report.phrases import listed, number, percent, plain
+from softnn.report.phrases import listed, number, opened, plain
 
 ROWS = 40  # of the table of regions
-WORSE = 0.98  # of the base's error on recordings left out: no better than without
 
 VERDICTS = {
     "explained": "Explained",
     "partly_explained": "Explained in part",
     "unexplained": "Not explained by any effect known here",
     "nothing_missing": "Nothing is missing",
-    "undetermined": "Not certain",
+    "undetermined": "These recordings cannot tell",
+}
+UNUSED = {
+    "specimen": "new specimens",
+    "recording": "recordings not used in the fit",
+    "stretch": "parts not used in the fit",
 }
 BASES = {
     "hooke": "Hooke: one spring",
@@ -37,23 +40,12 @@ BASES = {
 }
 
 
-class _Case(Protocol):
-    @property
-    def name(self) -> str: ...
-    @property
-    def recordings(self) -> tuple[Recording, ...]: ...
-    @property
-    def notes(self) -> tuple[str, ...]: ...
-
-
 class Found(Protocol):
     """What a report needs of a diagnosis; arrays are (n,), one a recording.
 
     Time in s, strain, stress in MPa measured and simulated before and after.
     """
 
-    @property
-    def case(self) -> _Case: ...
     @property
     def result(self) -> dict[str, Any]: ...
     @property
@@ -75,113 +67,67 @@ def meaning(name: str) -> str:
     return (inspect.getdoc(type(effect(name))) or "").split("\n", 1)[0]
 
 
-def contents(found: Found) -> dict[str, Any]:
+def verdict(result: Mapping[str, Any]) -> str:
+    """The verdict in a word or a few."""
+    if result["verdict"] == "undetermined" and result["selected"]:
+        return "Likely, not certain"
+    return VERDICTS[result["verdict"]]
+
+
+def contents(result: Mapping[str, Any], axes: Axes) -> dict[str, Any]:
     """Values of the template, section by section."""
-    result, case = found.result, found.case
-    first, _, rest = _sentences(result["summary"])
+    regions, advice = result["mismatch"], result["next_recording"]
     return {
         "result": result,
-        "verdict": VERDICTS[result["verdict"]],
-        "answer": first,
-        "further": rest,
+        "verdict": verdict(result),
         "base": BASES.get(result["model"], result["model"]),
-        "recordings": [_about(r) for r in case.recordings],
-        "axes": found.axes,
-        "where": where.sentences(
-            result["mismatch"], len(case.recordings), found.axes.strain
-        ),
-        "regions": sorted(result["mismatch"], key=lambda r: -r["share"])[:ROWS],
-        "regions_left": max(len(result["mismatch"]) - ROWS, 0),
-        "considered": _considered(result, len(case.recordings) > 1),
-        "readings": _readings(result),
-        "programmes": _programmes(result),
+        "recordings": result["recordings"],
+        "first": _first(result),
+        "axes": axes,
+        "unused": UNUSED[result["fit"]["heldout_by"]],
+        "corrected": _corrected(result),
+        "regions": sorted(regions, key=lambda r: -r["share"])[:ROWS],
+        "regions_left": max(len(regions) - ROWS, 0),
+        "considered": [_considered(row, result) for row in result["candidates"]],
+        "sketch": _sketch(advice),
         "explanations": [_explained(e) for e in result["explanations"]],
-        "warnings": _warnings(case),
-        "provenance": _provenance(result, case),
+        "provenance": _provenance(result),
     }
 
 
-def _sentences(summary: str) -> tuple[str, str, str]:
-    """The first sentence of a summary, and the others."""
-    parts = re.split(r"(?<=[.!?])( +)(?=[A-Z])", summary, maxsplit=1)
-    return (parts[0], "", "") if len(parts) == 1 else (parts[0], parts[1], parts[2])
+def _first(result: Mapping[str, Any]) -> int:
+    """The recording that is drawn first: the one with most of the mismatch."""
+    names = [r["name"] for r in result["recordings"]]
+    share = dict.fromkeys(names, 0.0)
+    for region in result["mismatch"]:
+        share[region["recording"]] += region["share"]
+    return names.index(max(names, key=share.__getitem__)) if names else 0
 
 
-def _about(r: Recording) -> dict[str, Any]:
+def _corrected(result: Mapping[str, Any]) -> str:
+    """The effects of the corrected model, "" where it is the base."""
+    order = [r["effect"] for r in result["candidates"]]
+    by = sorted(result["corrected_by"], key=order.index)
+    return listed([plain(n) for n in by]) if by else ""
+
+
+def _considered(row: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any]:
+    """An effect that was tried, and why it is the answer or is not."""
+    name = row["effect"]
     return {
-        "name": r.name,
-        "samples": len(r),
-        "understood": understood(r),
-        "specimen": r.specimen,
+        **row,
+        "label": "the simulation alone" if name is None else opened(plain(name)),
+        "meaning": "" if name is None else meaning(name),
+        "named": name in result["selected"],
     }
 
 
-def _considered(result: Mapping[str, Any], several: bool) -> list[dict[str, Any]]:
-    """Every effect that was tried, and why it is not the answer, or that it is."""
-    rows = result["candidates"]
-    base = next(r["heldout_nrmse"] for r in rows if r["effect"] is None)
-    best = max(rows, key=lambda r: r["evidence"])
-    same = {e: x["effect"] for x in result["explanations"] for e in x["equivalent"]}
-    out = []
-    for row in rows:
-        name, error = row["effect"], row["heldout_nrmse"]
-        if name in result["selected"]:
-            why = "named"
-        elif name is None:
-            why = (
-                "enough by itself"
-                if result["verdict"] == "nothing_missing"
-                else f"leaves an error of {percent(error)}"
-            )
-        elif name in same:
-            why = f"cannot be told from {plain(same[name])} here"
-        elif error > WORSE * base:
-            what = "recordings" if several else "what was"
-            why = f"foretells {what} left out no better than the base alone"
-        elif row is best or best["effect"] is None:
-            why = "too little gained, or not clearly enough, for its numbers"
-        else:
-            why = (
-                f"takes the error to {percent(error)}; {plain(best['effect'])} "
-                f"takes it to {percent(best['heldout_nrmse'])}"
-            )
-        out.append(
-            {
-                **row,
-                "label": "the base alone" if name is None else plain(name),
-                "meaning": "" if name is None else meaning(name),
-                "why": why,
-            }
-        )
-    return out
-
-
-def _readings(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Sets of effects that share the probability, and what is left over."""
-    beside = result.get("probabilities", {})
-    out = []
-    for way in result.get("ways", []):
-        names = [plain(n) for n in way["effects"]]
-        if names:
-            label = listed(names)
-        elif beside.get("on_no_list", 0.0) > beside.get("nothing", 0.0):
-            label = "something that is on no list"
-        else:
-            label = "nothing is missing"
-        out.append({"label": label, "probability": way["probability"]})
-    return out
-
-
-def _programmes(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Strain programmes on which the effects to be told apart show, drawn."""
+def _sketch(advice: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """The strain programme that is advised, drawn."""
     from softnn.report.picture import sketch
 
-    advice = result["next_recording"]
-    names = advice["separates"][:2] if advice else []
-    return [
-        {"label": plain(name), "name": name, **sketch(effect(name).telltale())}
-        for name in names
-    ]
+    drawn = advice and advice.get("programme")
+    return sketch(drawn["time_s"], drawn["strain"]) if drawn else None
 
 
 def _explained(told: Mapping[str, Any]) -> dict[str, Any]:
@@ -204,8 +150,12 @@ def _explained(told: Mapping[str, Any]) -> dict[str, Any]:
                 "meaning": _meaning(law, label.partition(" of ")[0]),
             }
         )
-    return {**told, "label": plain(told["effect"]), "says": meaning(told["effect"])} | {
-        "rows": rows
+    name = told["effect"]
+    return {
+        **told,
+        "label": opened(plain(name)),
+        "says": meaning(name),
+        "rows": rows,
     }
 
 
@@ -213,34 +163,14 @@ def _meaning(law: Effect, name: str) -> str:
     return next((p.meaning for p in law.parameters if p.name == name), "")
 
 
-def _warnings(case: _Case) -> list[str]:
-    """What a reader must know of the input before believing the answer."""
-    out = list(case.notes)
-    if len(case.recordings) == 1:
-        out.append(
-            "One recording: nothing can be checked on another. Errors on what was left "
-            "out are of parts of it."
-        )
-    for r in case.recordings:
-        missing = int((~np.isfinite(r.strain) | ~np.isfinite(r.stress_MPa)).sum())
-        if missing:
-            out.append(f"{r.name}: {missing} of {len(r)} samples miss a value.")
-        read = [s for s in r.log if s.name == "read"]
-        out += [f"{r.name}: {n}" for s in read for n in s.arguments.get("notes", [])]
-    return out
-
-
-def _provenance(result: Mapping[str, Any], case: _Case) -> list[tuple[str, str]]:
-    from importlib.metadata import version
-    from platform import python_version
-
-    run = result.get("provenance", {})
+def _provenance(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows = [
         ("data, SHA-256", result["data_sha256"]),
         ("base", result["model"]),
-        *((key, str(value)) for key, value in run.items()),
-        ("Python", python_version()),
-        *((name, version(name)) for name in ("numpy", "scipy")),
+        *((key, str(value)) for key, value in result.get("provenance", {}).items()),
+        *result["software"].items(),
         ("seconds", number(result.get("seconds"))),
     ]
-    return rows + [(r.name, r.source) for r in case.recordings if r.source]
+    return rows + [
+        (r["name"], r["source"]) for r in result["recordings"] if r["source"]
+    ]

@@ -21,9 +21,24 @@ def percent(value: float | None) -> str:
     return f"{100 * value:.0f} %" if value >= 0.1 else f"{100 * value:.2g} %"
 
 
+def sure(probability: float) -> str:
+    """A probability as a text has it; never 0 or 100 %.
+
+    >>> sure(0.9996), sure(0.934), sure(0.002)
+    ('over 99 %', '93 %', 'under 1 %')
+    """
+    if probability > 0.99:
+        return "over 99 %"
+    return "under 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
 def plain(name: str) -> str:
-    """The name of an effect as one would say it."""
-    return name.replace("_", " ")
+    """The name of an effect as one would say it.
+
+    >>> plain("mullins_softening")
+    'Mullins softening'
+    """
+    return name.replace("_", " ").replace("mullins", "Mullins")
 
 
 def opened(text: str) -> str:

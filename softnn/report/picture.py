@@ -10,10 +10,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from softnn.contracts import Array, Chunk
+from softnn.contracts import Array
 from softnn.report.page import Found
+from softnn.report.phrases import percent
 
 SAMPLES = 60_000  # on one page; a screen has 2 000 columns
 LEAST, MOST = 300, 6000  # samples a recording
@@ -23,9 +24,11 @@ DIGITS = 6
 def recordings(found: Found) -> list[dict[str, Any]]:
     """A dict a recording: name, columns as lists (n,), regions as [start, end] in s.
 
-    Time is counted from the start of the recording, stress in MPa.
+    Time is counted from the start of the recording, stress in MPa. `errors` are those
+    before and after the correction, as in diagnosis.json.
     """
-    names = [r.name for r in found.case.recordings]
+    told = found.result["recordings"]
+    names = [r["name"] for r in told]
     most = int(np.clip(SAMPLES // max(len(names), 1), LEAST, MOST))
     changed = bool(found.result["corrected_by"])
     out = []
@@ -43,6 +46,7 @@ def recordings(found: Found) -> list[dict[str, Any]]:
             {
                 "name": name,
                 "samples": len(time),
+                "errors": [percent(told[i][f"nrmse_{k}"]) for k in ("before", "after")],
                 "regions": [
                     [float(r["start_s"] - time[0]), float(r["end_s"] - time[0])]
                     for r in found.result["mismatch"]
@@ -95,18 +99,21 @@ def library() -> str:
     return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode("ascii")
 
 
-def sketch(chunk: Chunk, width: float = 320.0, height: float = 110.0) -> dict[str, Any]:
-    """A strain programme as points of an SVG line, with its ends in s and strain."""
-    time, strain = chunk.time_s - chunk.time_s[0], np.asarray(chunk.strain)
-    keep = kept(strain, 600)
-    low, high = min(float(strain.min()), 0.0), max(float(strain.max()), 0.0)
-    x = width * time[keep] / max(float(time[-1]), 1e-300)
-    y = height * (high - strain[keep]) / max(high - low, 1e-300)
+def sketch(
+    time_s: ArrayLike, strain: ArrayLike, width: float = 360.0, height: float = 120.0
+) -> dict[str, Any]:
+    """A strain programme (n,) as points of an SVG line; its ends in s and strain."""
+    time, y = np.asarray(time_s, float), np.asarray(strain, float)
+    low, high = min(float(y.min()), 0.0), max(float(y.max()), 0.0)
+    across = width * (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)
+    down = height * (high - y) / max(high - low, 1e-300)
     return {
-        "points": " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True)),
+        "points": " ".join(
+            f"{a:.1f},{b:.1f}" for a, b in zip(across, down, strict=True)
+        ),
         "width": width,
         "height": height,
-        "seconds": float(time[-1]),
+        "seconds": float(time[-1] - time[0]),
         "low": low,
         "high": high,
         "zero": height * high / max(high - low, 1e-300),
