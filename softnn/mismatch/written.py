@@ -251,7 +251,7 @@ def _explanation(
     }
 
 
-def _where_on(piece: Piece, acts: Array) -> list[int]:
+def _where_on(piece: Piece, acts: NDArray[np.integer]) -> list[int]:
     """Recordings that an effect is on in; of a law that all share, where it acts."""
     if piece.effect.amplitude in piece.effect.per_recording:
         return sorted(faults.on(piece))
