@@ -63,8 +63,9 @@ def test_case_toml_of_the_page_is_one(tmp_path):
 
     page = (ROOT / "docs" / "own.md").read_text()
     (text,) = re.findall(r"^```toml\n(.*?)^```$", page, re.M | re.S)
-    for name in ("slow", "fast", "cycles"):
-        (tmp_path / f"{name}.csv").write_text("time_s,strain,stress_MPa\n0,0,0\n1,1,1")
+    for i, name in enumerate(("slow", "fast", "cycles"), start=1):
+        rows = f"time_s,strain,stress_MPa\n0,0,0\n{i},1,1"
+        (tmp_path / f"{name}.csv").write_text(rows)
     (tmp_path / "case.toml").write_text(text)
     case = read_case(tmp_path)
     assert len(case.groups()) == 2

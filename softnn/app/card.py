@@ -37,6 +37,7 @@ ROLES = ("time", "force", "displacement", "strain", "stress", "temperature")
 DECIMAL = {"": "as found", ".": "point: 1.5", ",": "comma: 1,5"}
 
 # Messages speak to those who type; here the same things have names on the page.
+FLIP = {"": "neither", "strain": "strain", "stress": "stress"}
 SPOKEN = {
     r"--unit '?([^'=]+)=\.\.\.'?": r"the unit of \1",
     r"--(length|width|thickness|diameter)( MM)?": r"\1",
@@ -47,6 +48,7 @@ SPOKEN = {
     r"--decimal( \S+)?": "the decimal mark",
     r"--compression": "the tick for compression",
     r"--skip-bad-cells": "the tick for missing values",
+    r"--flip strain or --flip stress": "around by 'Turn the sign of' below",
     r"--as-is": "so by the last tick below",
 }
 
@@ -232,6 +234,8 @@ class Card:
                 with tag("div", classes="form"):
                     mark = now.get("decimal", "")
                     choice("Decimal mark", DECIMAL, mark, partial(self.set, "decimal"))
+                    turned = now.get("flip", "")
+                    choice("Turn the sign of", FLIP, turned, partial(self.set, "flip"))
                     for key, label in CLOCK.items():
                         entry(label, now.get(key), partial(self.number, key))
                 for key, label in TICKS.items():
