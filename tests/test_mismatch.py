@@ -155,7 +155,7 @@ def test_first_loading_alone_does_not_tell_what_is_missing(tmp_path):
     result = diagnose(read_case(tmp_path), "hooke").result
     assert result["verdict"] == "undetermined"
     assert result["selected"] == []
-    assert "first loading" in result["summary"]
+    assert "first loading" in result["summary"].lower()
     # Nor is it corrected by what cannot be told.
     assert result["corrected_by"] == []
     assert "cycles" in result["next_recording"]["strain_programme"]

@@ -61,8 +61,8 @@
     const axis = {zeroline: true, automargin: true, nticks: 6, hoverformat: ".4g", title: {standoff: 8}};
     const across = key === "time" ? "time since its start [s]" : label.strain;
     const title = (text, x, y) => ({
-      text: `<b>${text}</b>`, x, y, xref: "paper", yref: "paper", xanchor: "left",
-      yanchor: "bottom", showarrow: false, font: {size: 18},
+      text, x, y, xref: "paper", yref: "paper", xanchor: "left",
+      yanchor: "bottom", showarrow: false, font: {size: 18, weight: 700},
     });
     const beside = r.after ? "The correction" : "What the simulation misses";
     const layout = {
