@@ -161,7 +161,9 @@ def by_prediction(base: Baseline) -> Judgement:
     known = dict(own)
     if ask(prediction.best(found).fit):
         again = prediction.search(base, pieces())
-        if prediction.best(again).score < prediction.best(found).score:
+        pair = prediction.best(found).fit, prediction.best(again).fit
+        new = [f.piece for k, f in own.items() if f.likely and f is not known.get(k)]
+        if all(prediction.spoils(engine, *pair, piece) for piece in new):
             given, found = pieces(), again
         else:
             own = known

@@ -337,14 +337,22 @@ def rescaled(engine: Engine, guess: Guess, new: Sequence[tuple[int, ...]]) -> Gu
 
 
 class Judge:
-    """Says what fits miss of recordings that they did not see."""
+    """Says what fits miss of recordings that they did not see, but for `spare`."""
 
     def __init__(
-        self, engine: Engine, base: Guess, given: frozenset[str] = frozenset()
+        self,
+        engine: Engine,
+        base: Guess,
+        given: frozenset[str] = frozenset(),
+        spare: frozenset[int] = frozenset(),
     ) -> None:
         self.engine, self.given = engine, given
         self.specimens = specimens_of(base, len(engine.chunks))
         every = folds(engine, self.specimens)
+        if spare:
+            rows = ~engine.within(sorted(spare))
+            every = [replace(f, rows=f.rows & rows) for f in every]
+            every = [f for f in every if f.rows.any()]
         squares = [float(np.sum(engine.target[f.rows] ** 2)) for f in every]
         self.folds = Folds(tuple(every), np.maximum(squares, 1e-300))
 
@@ -401,14 +409,28 @@ def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
 
 def better(engine: Engine, found: Fit, fault: Piece) -> bool:
     """Whether a fit predicts better with a fault of single recordings."""
-    without = Judge(engine, found.guess).judged(found)
-    given = frozenset({fault.effect.id})
     rest = tuple(
-        p for p in found.guess.pieces if p.nuisance or p.effect.id not in given
+        p for p in found.guess.pieces if p.nuisance or p.effect.id != fault.effect.id
     )
-    less = fit(engine, replace(found.guess, pieces=rest), fixed_base=found.fixed_base)
-    has = refine(engine, less, fault)
-    return Judge(engine, has.guess, given).judged(has).score < without.score
+    guess = replace(found.guess, pieces=rest)
+    less = fit(engine, guess, fixed_base=found.fixed_base)
+    return spoils(engine, found, refine(engine, less, fault), fault)
+
+
+def spoils(engine: Engine, without: Fit, has: Fit, fault: Piece) -> bool:
+    """Whether a fault spoils predictions of the recordings that do not have it.
+
+    `without` and `has` are fits without and with it. Of recordings that have it a fit
+    with it predicts more only because it knows its size, which of new ones nobody does.
+    """
+    size = np.abs(fault.values[fault.effect.amplitude])
+    spare = frozenset(np.flatnonzero(size > size.min()).tolist())
+    given = frozenset({fault.effect.id})
+    scores = [
+        Judge(engine, one.guess, known, spare).judged(one).score
+        for one, known in ((without, frozenset[str]()), (has, given))
+    ]
+    return scores[1] < scores[0]
 
 
 def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
