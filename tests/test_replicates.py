@@ -48,12 +48,13 @@ def test_replicates_go_through_the_same():
     near = [0, 0.52, 0.1, 0.5, 0]
     assert of(CYCLES, CYCLES, near) == [[0, 1, 2]]
     assert of(CYCLES, [0, 0.9, 0.1, 0.9, 0]) == []  # further
-    assert of(CYCLES, CYCLES[:3], CYCLES) == [[0, 2]]  # shorter
+    assert of(CYCLES, CYCLES[:3], CYCLES, near) == [[0, 2, 3]]  # shorter
+    assert of(CYCLES, CYCLES) == []  # of two nobody can say which is wrong
     slow = straight(CYCLES, 0.05, 0.1)
     further = replace(slow, strain=1.5 * slow.strain)  # in the same time
     for other in (straight(CYCLES, 0.01, 0.4), further):
-        both = slow, other
-        data = Data(("a", "b"), both, tuple(2 * c.strain for c in both))
+        three = slow, slow, other
+        data = Data(tuple("abc"), three, tuple(2 * c.strain for c in three))
         assert Replicates(Engine(data)).groups == []
 
 
@@ -61,7 +62,7 @@ def test_what_has_no_stress_is_no_replicate():
     def stress(i, chunk):
         return np.where(i == 1, np.nan, noisy(i, chunk))
 
-    assert Replicates(recordings([CYCLES] * 3, stress)).groups == [[0, 2]]
+    assert Replicates(recordings([CYCLES] * 4, stress)).groups == [[0, 2, 3]]
 
 
 def left_of(made, stress):

@@ -23,7 +23,7 @@ from scipy.special import expit, logsumexp
 
 from softnn.contracts import Array, Chunk, Effect
 from softnn.effects import EFFECTS
-from softnn.effects._signs import reach
+from softnn.effects._signs import FEWEST, reach
 from softnn.fit import Data, Engine, Fit, Guess, Piece, span
 from softnn.mismatch.faults import Fault
 from softnn.mismatch.screen import bounds, pieces_at
@@ -399,4 +399,4 @@ def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
             groups.append([r])
         else:
             group.append(r)
-    return [g for g in groups if len(g) > 1]
+    return [g for g in groups if len(g) >= FEWEST]  # of two, which is wrong?
