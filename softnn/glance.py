@@ -59,7 +59,7 @@ def svg(curves: list[tuple[Array, Array]]) -> str:
         lines.append(f"<polyline points='{points}' fill='none' stroke='{colour}'/>")
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' width='{WIDTH:.0f}' "
-        f"height='{HEIGHT:.0f}' role='img'>{''.join(lines)}</svg>"
+        f"height='{HEIGHT:.0f}' role='img' aria-label='curve'>{''.join(lines)}</svg>"
     )
 
 
