@@ -122,7 +122,8 @@ def entry(
         made = tag(
             "input",
             type="text",
-            value=f"{value:g}" if isinstance(value, float) else value or "",
+            # Not `value`: an answer to another field would take away what is typed here.
+            defaultValue=f"{value:g}" if isinstance(value, float) else value or "",
             autocomplete="off",
             maxlength=100,
             inputmode="decimal" if number else "text",
@@ -132,7 +133,7 @@ def entry(
         told.set_visibility(False)
 
     async def changed(event: Any) -> None:
-        made._props["value"] = str(event.args)[:100]
+        made._props["defaultValue"] = str(event.args)[:100]
         try:
             answer = do(str(event.args)[:100].strip())
             if answer is not None:
