@@ -59,14 +59,8 @@ def test_foam_softens_on_reloading_and_keeps_a_set(group):
     "fault",
     [
         "",
-        pytest.param(
-            "slack",
-            marks=issue_53("the names are not softening, set and this slack alone"),
-        ),
-        pytest.param(
-            "offset",
-            marks=issue_53("the names are not softening, set and this offset alone"),
-        ),
+        "slack",
+        "offset",
     ],
 )
 def test_what_sets_some_specimens_apart_is_named_on_top(fault):

@@ -122,7 +122,7 @@ def entry(
         made = tag(
             "input",
             type="text",
-            # Not `value`: an answer to another field would take away what is typed here.
+            # Not `value`: answers to other fields would take away what is typed here.
             defaultValue=f"{value:g}" if isinstance(value, float) else value or "",
             autocomplete="off",
             maxlength=100,
