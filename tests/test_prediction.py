@@ -16,6 +16,7 @@ from softnn.mismatch.decision import Shows, decide_by_prediction
 from softnn.mismatch.faults import Fault
 from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.prediction import Candidate, Fold, Folds, Judge, best, harms
+from softnn.mismatch.screen import only
 from softnn.model_file import from_dict, to_dict
 from softnn.simulate import Term, simulate
 
@@ -154,6 +155,27 @@ def test_all_candidates_have_the_faults_that_are_given():
     half = faults.spared(told, Fault(wrong, 0.6), made)
     assert half.effects["zero_offset"] == pytest.approx(0.6, abs=0.02)
     assert half.probability.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_fault_is_taken_only_where_it_spoils_the_fit_of_the_others(there):
+    """A gap in one of five, or in none: the other four are predicted better, or not."""
+    own = {"gap": np.array([0.0, 0.0, 0.08 * there, 0.0, 0.0]), "toe": 0.0}
+    terms = [Term(SLACK, own)]
+    made = engine((CYCLES,) * 5, (0.1,) * 5, terms)
+    found = fit(made, Guess(UNITS, STIFFNESS), iterations=30)
+    fault = only(gaps(0.0, 0.0, 0.08, 0.0, 0.0), np.array([2]))
+    assert prediction.worth_it(made, found, fault) == there
+
+
+def test_readings_at_one_limit_are_a_fault_of_all_candidates():
+    made = engine()
+    assert faults.at_limit(made) == []
+    clipped = tuple(np.minimum(s, 0.8) for s in made.data.stress_MPa)
+    cut = Engine(replace(made.data, stress_MPa=clipped))
+    (fault,) = faults.at_limit(cut)
+    assert fault.likely
+    assert fault.piece.values["limit_MPa"] == pytest.approx(0.8)
 
 
 def test_a_specimen_that_other_recordings_show_keeps_its_gap():

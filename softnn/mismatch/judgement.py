@@ -149,7 +149,7 @@ def by_prediction(base: Baseline) -> Judgement:
         new = [
             fault
             for fault in new
-            if not fault.likely or prediction.better(engine, found, fault.piece)
+            if not fault.likely or prediction.worth_it(engine, found, fault.piece)
         ]
         own.update({f.effect: f for f in new})
         return any(f.likely for f in new)
@@ -163,7 +163,7 @@ def by_prediction(base: Baseline) -> Judgement:
         again = prediction.search(base, pieces())
         pair = prediction.best(found).fit, prediction.best(again).fit
         new = [f.piece for k, f in own.items() if f.likely and f is not known.get(k)]
-        if all(prediction.spoils(engine, *pair, piece) for piece in new):
+        if all(prediction.better(engine, *pair, piece) for piece in new):
             given, found = pieces(), again
         else:
             own = known

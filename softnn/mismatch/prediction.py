@@ -407,30 +407,30 @@ def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
     return found
 
 
-def better(engine: Engine, found: Fit, fault: Piece) -> bool:
+def worth_it(engine: Engine, found: Fit, fault: Piece) -> bool:
     """Whether a fit predicts better with a fault of single recordings."""
     rest = tuple(
         p for p in found.guess.pieces if p.nuisance or p.effect.id != fault.effect.id
     )
     guess = replace(found.guess, pieces=rest)
     less = fit(engine, guess, fixed_base=found.fixed_base)
-    return spoils(engine, found, refine(engine, less, fault), fault)
+    return better(engine, found, refine(engine, less, fault), fault)
 
 
-def spoils(engine: Engine, without: Fit, has: Fit, fault: Piece) -> bool:
-    """Whether a fault spoils predictions of the recordings that do not have it.
+def better(engine: Engine, without: Fit, has: Fit, fault: Piece) -> bool:
+    """Whether the fit that `has` a fault predicts better than the one `without`.
 
-    `without` and `has` are fits without and with it. Of recordings that have it a fit
-    with it predicts more only because it knows its size, which of new ones nobody does.
+    Judged by the recordings that do not have it. Of the others the fit that has it
+    knows the size, which of new recordings nobody does.
     """
     size = np.abs(fault.values[fault.effect.amplitude])
     spare = frozenset(np.flatnonzero(size > size.min()).tolist())
     given = frozenset({fault.effect.id})
-    scores = [
+    old, new = (
         Judge(engine, one.guess, known, spare).judged(one).score
         for one, known in ((without, frozenset[str]()), (has, given))
-    ]
-    return scores[1] < scores[0]
+    )
+    return new < old
 
 
 def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
