@@ -334,6 +334,15 @@ def test_nothing_is_named_where_the_base_predicts_best():
     assert told.account is found[0]
 
 
+def test_a_fault_that_corrects_is_no_effect_of_the_material():
+    found = candidates(
+        ((), [0.2] * 4), (("zero_offset",), [0.01] * 4), (("slack",), [0.012] * 4)
+    )
+    told = decided(found, found[1], apart=("zero_offset",))
+    assert not told.helps  # of the material nothing predicts better
+    assert told.names in ((), ("zero_offset",))
+
+
 @pytest.mark.parametrize(
     "shows", [Shows(few=True, only_loading=False), Shows(few=False, only_loading=True)]
 )

@@ -150,15 +150,42 @@ def test_what_all_have_some_have_more_of():
     assert on(fault.piece) == set(range(5))
 
 
-def test_gaps_as_large_as_those_of_the_others_are_no_fault():
-    """All hang loose by about as much: strips are mounted so, and none stands apart."""
+def loose(*gaps, noise=5e-4):
+    """Replicates that hang loose by so much each, of a largest strain of 0.5."""
 
-    def loose(i, chunk):
-        taut = np.maximum(chunk.strain - (0.004, 0.007, 0.01, 0.005, 0.008)[i], 0)
-        return 2 * taut + 5e-4 * np.random.default_rng(i).standard_normal(len(taut))
+    def stress(i, chunk):
+        rng = np.random.default_rng(i)
+        taut = np.maximum(chunk.strain - gaps[i], 0)
+        return 2 * taut + noise * rng.standard_normal(len(taut))
 
-    told = found(loose)
-    assert not any(f.likely for f in told.values())
+    return found(stress, len(gaps))
+
+
+def test_a_gap_among_gaps_of_any_size_is_no_fault():
+    """A difference is clear in both; one stands out, the other does not."""
+    (one,) = loose(0.002, 0.003, 0.05, 0.001, 0.002).values()
+    assert one.likely
+    (other,) = loose(0.004, 0.012, 0.02, 0.008, 0.016).values()
+    assert not other.likely
+
+
+def test_less_than_strains_are_off_by_is_no_fault():
+    assert loose(0.0, 0.0, 0.004, 0.0, 0.0, noise=2e-5) == {}
+
+
+def test_what_slips_before_it_bears_load_hangs_loose():
+    def early(i, chunk):
+        slipped = 0.05 * (i == 3) * np.clip((chunk.time_s - 0.7) / 0.2, 0, 1)
+        rng = np.random.default_rng(i)
+        return 2 * (chunk.strain - slipped) + 2e-3 * rng.standard_normal(len(slipped))
+
+    made = recordings([CYCLES] * 5, early)
+    law = next(law for law in EFFECTS if law.id == "grip_slip")
+    for fault in stand_out(made, bare(made)):
+        if fault.effect == law.id:
+            values, data = fault.piece.values, made.data
+            may = law.possible(values, data.chunks, data.stress_MPa)
+            assert may[sorted(on(fault.piece))].all()
 
 
 def test_a_specimen_that_bears_no_load_cannot_slip():

@@ -169,19 +169,10 @@ class Regression:
         self.ends = {effect: bounds(pieces) for effect, pieces in self.pieces.items()}
 
     def forward(self, effects: frozenset[str]) -> Found:
-        """The terms of these effects that are most likely, added one by one.
-
-        After each, every other one is taken out, and left out or replaced if that is
-        more likely.
-        """
+        """The terms of these effects that are most likely, added one by one."""
         best = Found((), np.zeros(0), 0.0)
         while more := self._next(best, effects):
             tried = self.fitted((*best.terms, more))
-            for term in best.terms:
-                less = self.fitted(tuple(t for t in tried.terms if t != term))
-                other = self._next(less, effects)
-                both = self.fitted((*less.terms, other)) if other else less
-                tried = max((tried, less, both), key=lambda f: f.odds)
             if not tried.odds > best.odds:
                 break
             best = tried
