@@ -47,6 +47,19 @@ def test_examples_of_a_page_run_as_they_stand(name, tmp_path, monkeypatch, capsy
         assert re.search(r"Slack \(\d+ %\) was left out", said)
 
 
+@pytest.mark.slow
+def test_commands_of_the_readme_run(tmp_path, monkeypatch):
+    """As they stand, but for the folder, and a server that would not end."""
+    monkeypatch.chdir(tmp_path)
+    lines = (ROOT / "README.md").read_text().splitlines()
+    words = [shlex.split(line, comments=True) for line in lines]
+    asked = [w[1:] for w in words if w[:1] == ["softnn"]]
+    assert [a[0] for a in asked] == ["demo", "diagnose", "app"]
+    for one in asked[:2]:
+        assert main(["demo/case" if w == "FOLDER" else w for w in one]) == 0
+    assert (tmp_path / "found" / "case" / "report.html").is_file()
+
+
 def test_the_notebook_runs_and_finds_what_it_made(tmp_path, monkeypatch):
     from studies.site.notebook import cells
 
