@@ -52,8 +52,8 @@ def test_commands_of_the_readme_run(tmp_path, monkeypatch):
     """As they stand, but for the folder, and a server that would not end."""
     monkeypatch.chdir(tmp_path)
     lines = (ROOT / "README.md").read_text().splitlines()
-    words = [shlex.split(line, comments=True) for line in lines]
-    asked = [w[1:] for w in words if w[:1] == ["softnn"]]
+    told = [line for line in lines if line.startswith("softnn ")]
+    asked = [shlex.split(line, comments=True)[1:] for line in told]
     assert [a[0] for a in asked] == ["demo", "diagnose", "app"]
     for one in asked[:2]:
         assert main(["demo/case" if w == "FOLDER" else w for w in one]) == 0
