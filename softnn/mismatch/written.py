@@ -310,13 +310,14 @@ def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str,
     """The strain programme on which two effects differ most.
 
     Time in s and strain (n,) in the unit of the recordings. It goes to their largest
-    strain, in their directions. `differ` is the root mean square difference of the two
+    strain, in their directions, at their mean temperature. `differ` is the root mean square difference of the two
     predictions over that of their mean.
     """
     strain = np.concatenate([c.strain for c in told.engine.chunks])
     low, high = float(strain.min()), float(strain.max())
     reach, both = max(-low, high), min(-low, high) > locate.BACK * max(-low, high)
     models = [_with(told, name, advice["separates"]) for name in advice["separates"]]
+    degC = _mean_degC(told.engine.chunks)
     found: list[tuple[float, Chunk]] = []
     for name in advice["separates"][:2]:
         law = effect(name)
@@ -326,7 +327,9 @@ def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str,
         if law.needs_temperature or not size > 0 or pushed:
             continue
         side = -1.0 if not both and -low > high else 1.0
-        chunk = Chunk(chunk.time_s, side * reach / size * chunk.strain)
+        strain = side * reach / size * chunk.strain
+        warm = None if degC is None else np.full(len(strain), degC)
+        chunk = Chunk(chunk.time_s, strain, warm)
         found.append((_differ(models[:2], chunk), chunk))
     if not found:
         return {"programme": None, "differ": None}
@@ -339,6 +342,14 @@ def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str,
         },
         "differ": differ or None,
     }
+
+
+def _mean_degC(chunks: Sequence[Chunk]) -> float | None:
+    """The mean of all temperatures recorded; None without any."""
+    known = [c.temperature_C for c in chunks if c.temperature_C is not None]
+    values = np.concatenate(known) if known else np.array([])
+    values = values[np.isfinite(values)]
+    return float(values.mean()) if values.size else None
 
 
 def _with(told: Judgement, name: str, names: Sequence[str]) -> Stored | None:
