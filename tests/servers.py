@@ -7,6 +7,7 @@ import socket
 import subprocess
 import tempfile
 import time
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -60,9 +61,13 @@ def postgresql() -> Iterator[str]:
 
 
 def new_database(address: str, name: str) -> str:
-    """An empty database on the server of this one; its address."""
+    """An empty database on the server of this one; its address.
+
+    The name gets a number: tests of a module may come in two parts, each with its own.
+    """
     import sqlalchemy
 
+    name = f"{name}_{uuid.uuid4().hex[:8]}"
     engine = sqlalchemy.create_engine(address, isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
         connection.execute(sqlalchemy.text(f"CREATE DATABASE {name}"))

@@ -346,15 +346,16 @@ def test_a_network_is_trained_shown_and_taken_away(page, data_folder, tmp_path, 
     page.get_by_role("button", name="Train").click()
     page.get_by_role("heading", name="Fold by fold").wait_for(timeout=180_000)
     told = json.loads(
-        next(folder_of(out, page).glob("network/neurons*.json")).read_text()
+        next(folder_of(out, page).glob("network/joint*.json")).read_text()
     )
-    folds = told["materials"][0]["networks"]["network"]["random"]["nrmse"]
+    folds = told["materials"][0]["rows"][0]["random"]
     rows = page.get_by_role("group", name="Table: random folds").locator("tbody tr")
     assert rows.count() == len(folds) == 3
-    network = softnn.load_model(downloaded(page, "Network", tmp_path))
-    assert isinstance(network, StoredNetwork)
+    for button in ("Network", "Network for unseen"):
+        network = softnn.load_model(downloaded(page, button, tmp_path))
+        assert isinstance(network, StoredNetwork)
     page.get_by_role("link", name="Earlier results").click()
-    assert page.get_by_text("A network of ").first.is_visible()
+    assert page.get_by_text("For recordings you have").first.is_visible()
     page.get_by_role("button", name="Start MLflow").click()
     link = page.get_by_role("link", name="Open MLflow")
     link.wait_for(timeout=90_000)

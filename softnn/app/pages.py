@@ -20,7 +20,6 @@ from softnn.app.runs import Runs
 from softnn.app.sheet import Sheet
 from softnn.app.training import Training
 from softnn.contracts import InputError
-from softnn.report.phrases import percent
 
 ICON = (
     "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'>"
@@ -175,9 +174,7 @@ def told_of(project: Project, runs: Runs) -> list[str]:
     if result := project.result:
         out.append(result["summary"])
     if found := project.network:
-        head = found["materials"][0]["headline"]
-        error = percent(head.get("nrmse_random"))
-        out.append(f"A network of {head['neurons']} neurons; random folds: {error}.")
+        out += found["materials"][0]["take"]
     return out or ["Not diagnosed yet."]
 
 

@@ -25,7 +25,6 @@ FILES = {  # beside a model, as they are
     "report.html": "Report",
     "model.json": "Model",
     "diagnosis.json": "All figures",
-    "network.json": "Network",
 }
 HERE = Path(__file__).parent
 SANDBOX = "allow-scripts allow-popups allow-downloads"
@@ -236,13 +235,17 @@ class Downloads:
     """Buttons that take a model away, as it is or in another form."""
 
     def __init__(
-        self, runs: Runs, project: Project, model: Path, forms: Mapping[str, str]
+        self,
+        runs: Runs,
+        project: Project,
+        model: Path,
+        forms: Mapping[str, str],
+        files: Mapping[str, str] = FILES,
     ) -> None:
         self.runs, self.project, self.model, self.forms = runs, project, model, forms
         self.stem = Path(project.title).stem.replace(" ", "_") or "model"
-        tag("h2", "Take it with you")
         with tag("div", classes="row"):
-            for file, text in FILES.items():
+            for file, text in files.items():
                 if (place := model.parent / file).is_file():
                     button(
                         text, partial(ui.download.file, place, f"{self.stem}-{file}")

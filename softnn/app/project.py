@@ -133,7 +133,7 @@ class Project:
     @property
     def network(self) -> dict[str, Any] | None:
         """The result file of the study of networks, once there is one."""
-        found = sorted((self.folder / "network").glob("neurons*.json"))
+        found = sorted((self.folder / "network").glob("joint*.json"))
         return _json(found[0]) if found else None
 
 

@@ -212,4 +212,5 @@ class Sheet:
                 sandbox=SANDBOX,
             )
             model = self.project.folder / "found" / "model.json"
+            tag("h2", "Take it with you")
             Downloads(self.runs, self.project, model, MADE)

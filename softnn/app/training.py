@@ -15,14 +15,18 @@ from softnn.report.phrases import percent
 
 NEURONS = {
     "2,4,8": "2, 4 and 8: half a minute",
-    "1:10": "1 to 10: a few minutes",
-    "1:20": "1 to 20, as published",
+    "1:10": "1 to 10: a minute",
+    "1:20": "1 to 20, as published: some minutes",
 }
 FOLDS = {"3": "3", "5": "5", "10": "10, as published"}
-SPLITS = {
+SPLITS = {  # of what a fold leaves out
     "random": "random folds",
     "specimen": "specimens not seen in training",
-    "rate": "strain rates not seen in training",
+    "unseen": "a {} not seen in training",
+}
+USES = {
+    "network.json": ("For recordings like those you have:", "Network"),
+    "unseen.json": ("For strain rates or recordings never seen:", "Network for unseen"),
 }
 MADE = {"c": "C code", "onnx": "ONNX", "fmu": "FMU"}
 EVERY_S = 0.5
@@ -68,7 +72,7 @@ class Training:
     def watch(self) -> None:
         self.run.show("" if self.project.files else "Add a recording first.")
         result = self.project.network
-        made = result and (result["made"], result["materials"][0].get("study_key"))
+        made = result and (result["made"], result["materials"][0]["study_key"])
         if self.shown != made:
             self.shown = made
             self.place.clear()
@@ -78,43 +82,46 @@ class Training:
                     tag(
                         "img",
                         src=f"/project/{self.project.id}/network.png?{result['made']}",
-                        alt="Error and R2 of the folds over the number of neurons",
+                        alt="Error of networks by random folds and for what is unseen",
                     )
                     for one in result["materials"]:
                         self.material(one)
-                    network = self.project.folder / "network" / "network.json"
-                    Downloads(self.runs, self.project, network, MADE)
+                    tag("h2", "Take it with you")
+                    for file, (use, button) in USES.items():
+                        tag("p", use)
+                        path = self.project.folder / "network" / file
+                        Downloads(self.runs, self.project, path, MADE, {file: button})
 
     def material(self, one: dict[str, Any]) -> None:
-        head = one["headline"]
-        tag(
-            "p",
-            f"{head['neurons']} neurons, {head['parameters']} parameters, "
-            f"{head['samples']} samples.",
-        )
+        for sentence in one["take"]:
+            tag("p", sentence)
+        split_names = {s: text.format(one["unseen"]) for s, text in SPLITS.items()}
         rows = [
-            (r["judged_on"], r["model"], percent(r["nrmse"]), _r2(r["r2"]), r["size"])
-            for r in one["comparison"]
+            (row["model"], *(_mean(row.get(split)) for split in SPLITS))
+            for row in one["rows"]
         ]
-        table(("judged on", "model", "error (NRMSE)", "R2", "size"), rows, "errors")
+        tag("p", "Error (NRMSE), the mean of the folds.")
+        table(("model", *split_names.values()), rows, "errors")
         tag("h2", "Fold by fold")
-        for split, text in SPLITS.items():
-            found = one["networks"].get("network", {}).get(split, {})
+        head = one["headline"]
+        taken = [one["rows"][0]]
+        taken += [r for r in one["rows"][1:] if r["model"] == head["take_unseen"]]
+        names = {"unseen": list(one["front"][0]["folds_unseen"])}
+        for split, text in split_names.items():
             tag("h3", text[:1].upper() + text[1:])
-            if "nrmse" not in found:
-                tag("p", found.get("not_possible", "not possible here"), "soft")
+            folds = [row.get(split) for row in taken]
+            if not all(isinstance(f, list) for f in folds):
+                tag("p", "Not possible with these recordings.", "soft")
                 continue
+            labels = names.get(split, range(1, len(folds[0]) + 1))
             table(
-                ("left out", "error (NRMSE)", "R2"),
+                ("left out", *(row["model"] for row in taken)),
                 [
-                    (fold, percent(e), _r2(r))
-                    for fold, e, r in zip(
-                        found["folds"], found["nrmse"], found["r2"], strict=True
-                    )
+                    (label, *map(percent, errors))
+                    for label, *errors in zip(labels, *folds, strict=True)
                 ],
                 text,
             )
-        tag("p", one["note"], "soft small")
 
 
 def table(names: tuple[str, ...], rows: list[tuple[Any, ...]], label: str) -> None:
@@ -133,5 +140,6 @@ def table(names: tuple[str, ...], rows: list[tuple[Any, ...]], label: str) -> No
                             tag("td", "-" if cell is None else str(cell))
 
 
-def _r2(value: float | None) -> str | None:
-    return None if value is None else f"{value:.4f}"
+def _mean(folds: Any) -> str:
+    """The mean error of folds in percent; "-" where there is none."""
+    return percent(sum(folds) / len(folds)) if isinstance(folds, list) else "-"

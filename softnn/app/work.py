@@ -42,6 +42,7 @@ from softnn.recording import Recording
 
 TOLD_S = 0.3  # between two words of a run
 NETWORK = {"neurons": "2,4,8", "folds": "5", "cycles": False}  # small: half a minute
+KEPT = {"network.json": "best-random", "unseen.json": "best-unseen-rate"}
 UNITS = {role: known(d).split(", ") for role, d in DIMENSION.items()}
 
 
@@ -257,8 +258,9 @@ def network(project: Project) -> None:
         command += ["--tracking", where, "--out", str(place)]
         _watched(project, command, began)
         material = _result_of(place)["materials"][0]["material"]
-        name = f"models:/{source.name}-{material}@best-random"
-        shutil.copy(fetched(name, where), place / "network.json")
+        for file, alias in KEPT.items():
+            name = f"models:/{source.name}-{material}@{alias}"
+            shutil.copy(fetched(name, where), place / file)
 
     _replaced(project, "network", save)
     shutil.rmtree(source, ignore_errors=True)
@@ -266,7 +268,7 @@ def network(project: Project) -> None:
 
 
 def _result_of(place: Path) -> dict[str, Any]:
-    (file,) = place.glob("neurons*.json")
+    (file,) = place.glob("joint*.json")
     return dict(json.loads(file.read_text("utf-8")))
 
 

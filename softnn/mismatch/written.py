@@ -310,8 +310,8 @@ def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str,
     """The strain programme on which two effects differ most.
 
     Time in s and strain (n,) in the unit of the recordings. It goes to their largest
-    strain, in their directions, at their mean temperature. `differ` is the root mean square difference of the two
-    predictions over that of their mean.
+    strain, in their directions, at their mean temperature. `differ` is the root mean
+    square difference of the two predictions over that of their mean.
     """
     strain = np.concatenate([c.strain for c in told.engine.chunks])
     low, high = float(strain.min()), float(strain.max())
