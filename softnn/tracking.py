@@ -56,6 +56,15 @@ NOTE = "mlflow.note.content"
 SOURCE = {"mlflow.source.type": "LOCAL", "mlflow.source.name": "softnn"}
 # Without it the UI takes an experiment for one with language models.
 KIND = {"mlflow.experimentKind": "custom_model_development"}
+# MLflow has no default columns. A link can name a view that its Share button would have
+# written as this tag of the experiment; seen once, the browser keeps the columns.
+VIEW = "softnn"
+COLUMNS = ("nrmse", "r2", "nrmse_unseen", "r2_unseen")
+SHOWN = {
+    f"mlflow.sharedViewState.{VIEW}": json.dumps(
+        {"selectedColumns": [f"metrics.`{name}`" for name in COLUMNS]}
+    )
+}
 STUDY, IDENTITY, TRIAL = "softnn.study", "softnn.identity", "softnn.trial"
 AGAIN = "softnn.again"  # what `softnn rerun` needs, as JSON; set by softnn.study.sweep
 DIGEST = "softnn.sha256"
@@ -456,7 +465,8 @@ def _experiment(client: MlflowClient, uri: str, name: str) -> Experiment:
         file = sqlite_file(uri)
         place = (file.parent / ARTIFACTS / name).resolve().as_uri() if file else None
         try:
-            return client.get_experiment(client.create_experiment(name, place, KIND))
+            made = client.create_experiment(name, place, KIND | SHOWN)
+            return client.get_experiment(made)
         except MlflowException:  # made by another process in between
             found = client.get_experiment_by_name(name)
             if found is None:
@@ -466,7 +476,27 @@ def _experiment(client: MlflowClient, uri: str, name: str) -> Experiment:
             f"experiment {name!r} has been deleted in MLflow; restore it there "
             "or give another --tracking address"
         )
+    for tag, value in SHOWN.items():
+        if found.tags.get(tag) != value:
+            client.set_experiment_tag(found.experiment_id, tag, value)
     return found
+
+
+def tables(uri: str, address: str) -> dict[str, str]:
+    """Where MLflow's UI at `address` shows the runs of each experiment, by its name.
+
+    The link opens the table with NRMSE and R2 as columns, of what was judged by random
+    folds and of what was never seen. An SQLite store that is not there has none.
+    """
+    file = sqlite_file(uri)
+    if file is not None and not file.is_file():
+        return {}
+    return {
+        one.name: f"{address}/#/experiments/{one.experiment_id}/runs"
+        f"?viewStateShareKey={VIEW}"
+        for one in _connected(uri).search_experiments()
+        if SHOWN.keys() <= one.tags.keys()
+    }
 
 
 def _dataset(name: str, digest: str) -> DatasetInput:

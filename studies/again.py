@@ -336,7 +336,7 @@ def lacking(result: Result, rng: Rng) -> Iterator[Row]:
     for label in shuffled(sorted(set(known) & set(result["materials"])), rng):
         was = result["materials"][label]
         now = lacks.asked(*known[label], lacks.MOST)
-        keys = ("network", "unseen", "error", "verdict", "selected")
+        keys = ("network", "unseen", "error", "verdict", "selected", "never_shown")
         yield label, some(was, keys), now
 
 

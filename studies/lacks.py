@@ -1,9 +1,11 @@
-"""Which physics does a network lack, where a piecewise-linear model foretells better?
+"""What does a network lack, where a piecewise-linear model predicts better?
 
 For each material of `studies.architectures` on which the best piecewise-linear model
 has less error than the chosen network at what was never seen: the network is trained
 again without the fold on which it is worst, and a diagnosis is asked what that
-simulation leaves out of the recordings of that fold.
+simulation leaves out of the recordings of that fold. One sentence says which effects
+the network lacks, or what it was never shown, so that no physics can be named; and how
+much of its error is a stress that is too high or too low throughout.
 """
 
 from __future__ import annotations
@@ -19,11 +21,14 @@ import numpy as np
 from bench.architectures.choices import folds_of, worse_by
 from bench.architectures.page import result_files
 from bench.architectures.trials import TRAINING
-from softnn.contracts import InputError
+from softnn.contracts import Array, InputError
 from softnn.crossval import Folds
+from softnn.metrics import nrmse
+from softnn.mismatch import untaught
 from softnn.mismatch.case import Case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.neural import Seen, StoredNetwork
+from softnn.report.phrases import listed, plain
 from softnn.study.common import (
     RESULTS,
     guarded,
@@ -59,12 +64,16 @@ def run(a: Any) -> None:
         found = {k: about | row for k, row in old["materials"].items()}
     # Of others, or of networks that are chosen no more, nothing is carried on.
     now = {one["label"]: one["choices"]["unseen"]["words"] for one, _ in worse}
-    found = {k: row for k, row in found.items() if row["network"] == now.get(k)}
+    found = {
+        k: row
+        for k, row in found.items()
+        if row["network"] == now.get(k) and "sentence" in row
+    }
     known: dict[str, str] = {}
     for one, settings in (w for w in worse if a.only in w[0]["label"]):
         found[one["label"]] = asked(one, settings, 1 if a.smoke else MOST)
         known[one["label"]] = one["data_sha256"]
-        print(f"{one['label']}: {found[one['label']]['summary']}", flush=True)
+        print(f"{one['label']}: {found[one['label']]['sentence']}", flush=True)
         written(found, known, a.seed, place)
     if not found:
         raise InputError("no network of studies/results is worse than its PL model")
@@ -90,7 +99,10 @@ def written(
     found: Mapping[str, Any], known: Mapping[str, str], seed: int, place: Path
 ) -> None:
     headline = {"materials": len(found)}
-    headline |= {"named": sum(bool(one["selected"]) for one in found.values())}
+    headline |= {
+        "named": sum(bool(one["selected"]) for one in found.values()),
+        "never_shown": sum(bool(one["never_shown"]) for one in found.values()),
+    }
     write_result(
         "lacks", headline, {"materials": found}, seed=seed, data=known, folder=place
     )
@@ -116,14 +128,17 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
         folds.test[worst : worst + 1], folds.names[worst : worst + 1], folds.split
     )
     (trained,) = trainer.networks(chosen, [alone], [worst])
-    owners = trainer.samples(chosen["inputs"], chosen["lag_s"]).recording
-    held = sorted(set(owners[folds.test[worst]].tolist()))
+    known, test = trainer.samples(chosen["inputs"], chosen["lag_s"]), folds.test[worst]
+    held = sorted(set(known.recording[test].tolist()))
     seen = Seen.of([r for i, r in enumerate(data.tensile) if i not in held])
     about = chosen["inputs"], chosen["lag_s"], seen
     network = StoredNetwork(trained.network, *about)
     some = np.unique(np.linspace(0, len(held) - 1, most).astype(int))
     case = Case(data.file_name, tuple(data.tensile[held[i]] for i in some))
     told = diagnose(case, network)
+    shares = never_shown(case, network)
+    said = trained.network.at(test, known.inputs, known.recording)
+    factor, left = level(said, known.target[test])
     return {
         "network": one["choices"]["unseen"]["words"],
         "unseen": folds.names[worst],
@@ -131,8 +146,71 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
         "verdict": told.verdict,
         "selected": list(told.selected),
         "summary": told.summary,
+        "never_shown": shares,
+        "factor": factor,
+        "error_without_factor": left,
+        "sentence": sentence(
+            {name: told.probability[name] for name in told.selected},
+            shares,
+            (float(errors[worst]), factor, left),
+        ),
         **provenance(),
     }
+
+
+def never_shown(case: Case, network: StoredNetwork) -> dict[str, float]:
+    """What the network was never shown, with its share of the samples of a case."""
+    total = sum(len(r) for r in case.recordings)
+    shares: dict[str, float] = {}
+    for one in untaught.stretches(case, network.known):
+        part = (one.last - one.first) / total
+        shares[one.what] = shares.get(one.what, 0.0) + part
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+def level(predicted: Array, measured: Array) -> tuple[float, float]:
+    """The factor by which a prediction (n,) is too high, and the NRMSE without it.
+
+    >>> level(np.array([2.0, 4.0]), np.array([1.0, 2.0]))
+    (2.0, 0.0)
+    """
+    factor = float(predicted @ measured / (measured @ measured))
+    return factor, nrmse(predicted / factor, measured)
+
+
+def sentence(
+    named: Mapping[str, float],
+    shares: Mapping[str, float],
+    errors: tuple[float, float, float],
+) -> str:
+    """What a network lacks: effects with their probability, or what it never saw.
+
+    `errors` are its NRMSE, the factor by which its stress is too high, and the NRMSE
+    without that factor.
+
+    >>> said = sentence({}, {"faster rates": 0.98}, (0.14, 0.88, 0.05))
+    >>> said.split(": ")[0]
+    'It was never shown faster rates (98 % of the samples)'
+    >>> said.split(": ")[1]
+    'its stress is 12 % too low there; without that its error of 14 % would be 5 %.'
+    """
+    error, factor, left = errors
+    parts = []
+    if named:
+        effects = [f"{plain(n)} ({100 * p:.0f} %)" for n, p in named.items()]
+        parts.append(f"lacks {listed(effects)}")
+    if shares:
+        seen = [
+            f"{what} ({100 * s:.0f} % of the samples)" for what, s in shares.items()
+        ]
+        parts.append(f"was never shown {listed(seen)}")
+    if not parts:
+        parts.append("was shown all that it is asked, and no effect can be named")
+    return (
+        f"It {' and '.join(parts)}: its stress is {100 * abs(factor - 1):.0f} % too "
+        f"{'high' if factor > 1 else 'low'} there; without that its error of "
+        f"{100 * error:.0f} % would be {100 * left:.0f} %."
+    )
 
 
 if __name__ == "__main__":

@@ -103,12 +103,17 @@ def test_what_simulated_recordings_are_worth_is_said(written):
         "left_out": {},
     }
     (results / "augmentation.json").write_text(json.dumps(found))
-    told = {"network": "FFRI1", "unseen": "0.1 /s", "summary": "slack is missing."}
+    told = {
+        "network": "FFRI1",
+        "unseen": "0.1 /s",
+        "sentence": "It lacks slack (93 %).",
+    }
     lacks = {"materials": {"VHB, tape": told}}
     (results / "lacks.json").write_text(json.dumps(lacks))
     text = make(results, home).read_text()
     assert "60.0 +- 10.0 % | 20.0 +- 0.0 % | 40.0 +- 10.0 %" in re.sub(" +", " ", text)
     assert "Of 0.1 /s, where it is worst, a diagnosis of the network (FFRI1;" in text
+    assert "says: It lacks slack (93 %)." in text
 
 
 def test_without_results_the_page_names_the_command(tmp_path):
@@ -128,7 +133,11 @@ def test_nothing_is_said_of_a_network_that_is_chosen_no_more(tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     place = results_folder(smoke=True)
     place.mkdir(parents=True, exist_ok=True)
-    gone = {"materials": {"a rubber": {"network": "FFRI1, 4 neurons", "summary": "?"}}}
+    gone = {"materials": {"a rubber": {"network": "FFRI1, 4 neurons", "sentence": "?"}}}
     (place / "lacks.json").write_text(json.dumps(gone))
     found = smoked("lacks")["lacks"]["materials"]
     assert [name.split(",")[0] for name in found] == ["NatPolR"]
+    (one,) = found.values()
+    assert one["sentence"].startswith("It ")
+    assert sum(one["never_shown"].values()) <= 1
+    assert one["error_without_factor"] <= one["error"] * (1 + 1e-9)

@@ -255,7 +255,7 @@ def lacks_of(results: Path) -> dict[str, str]:
     found = read(results / "lacks.json")
     return {
         label: f" Of {one['unseen']}, where it is worst, a diagnosis of the network "
-        f"({one['network']}; `python -m studies.lacks`) says: {one['summary']} "
+        f"({one['network']}; `python -m studies.lacks`) says: {one['sentence']} "
         + common.made_with({**found, **one})
         for label, one in found.get("materials", {}).items()
     }
