@@ -58,8 +58,9 @@ check: $(STAMP) ## ruff and mypy
 docs: $(STAMP) ## the pages, into site/: open site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
-ui: $(STAMP) ## the MLflow UI on http://127.0.0.1:5000
-	$(BIN)/python -c 'from softnn import tracking; tracking.mended("sqlite:///mlruns/mlflow.db")'
+ui: $(STAMP) ## the MLflow UI on http://127.0.0.1:5000; prints links to tables with NRMSE and R2
+	$(BIN)/python -c 'from softnn import tracking as t; u = "sqlite:///mlruns/mlflow.db"; t.mended(u); \
+	    [print(*row) for row in t.tables(u, "http://127.0.0.1:$(PORT)").items()]'
 	MLFLOW_DISABLE_TELEMETRY=true MLFLOW_SERVER_ENABLE_JOB_EXECUTION=false \
 	$(BIN)/mlflow ui --backend-store-uri sqlite:///mlruns/mlflow.db \
 	    --host 127.0.0.1 --port $(PORT) --workers 1

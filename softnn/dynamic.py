@@ -185,13 +185,16 @@ def frequency_of(recording: Recording) -> float:
     first = 1 + int(np.argmax(np.abs(np.fft.rfft(moved))[1:]))
 
     def left(frequency: float) -> float:
-        angle = 2 * np.pi * frequency * even
-        columns = np.column_stack([np.cos(angle), np.sin(angle)])
-        fitted = columns @ np.linalg.lstsq(columns, moved, rcond=None)[0]
-        return float(np.mean((moved - fitted) ** 2))
+        angle = 2 * np.pi * frequency * time
+        columns = np.column_stack(
+            [np.cos(angle), np.sin(angle), time - time[0], np.ones(len(time))]
+        )
+        fitted = columns @ np.linalg.lstsq(columns, strain, rcond=None)[0]
+        return float(np.mean((strain - fitted) ** 2))
 
     near = ((first - 0.75) / lapse, (first + 0.75) / lapse)
-    found = minimize_scalar(left, bounds=near, method="bounded")
+    exact = {"xatol": 1e-9 / lapse}
+    found = minimize_scalar(left, bounds=near, method="bounded", options=exact)
     return float(found.x)
 
 

@@ -26,7 +26,7 @@ ORDER = (
         "state",
     ),
     ("plausible", "readers", "prepare", "virtual", "models", "effects", "neural"),
-    ("properties", "simulate", "datasets"),
+    ("dynamic", "properties", "simulate", "datasets"),
     ("fit",),
     ("crossval", "model_file"),
     ("search", "tracking", "report", "taught"),

@@ -410,3 +410,19 @@ def test_a_diagnosis_keeps_to_one_blas_thread(tmp_path, monkeypatch):
     with threadpool_limits(limits=2, user_api="blas"):
         assert threads() == {2}
         assert diagnose(case) == {1}
+
+
+def test_a_simulation_is_kept_where_no_stress_was_measured():
+    from softnn.fit import Guess
+    from softnn.fit.point import Data
+    from softnn.mismatch.base import beyond, units_for
+
+    time = np.linspace(0.0, 10.0, 50)
+    stress = 0.2 * time
+    stress[20:30] = np.nan
+    data = Data(("a",), (Chunk(time, 0.01 * time),), (stress,), False, (0.3 * time,))
+    units = units_for("pl-wiechert", data)
+    engine = beyond(data, [0.3 * time], Guess(units, np.zeros(units.columns)))
+    (more,) = engine.remainder  # beyond a stand-in without stiffness: all of it
+    np.testing.assert_allclose(more, 0.3 * time, atol=1e-12)
+    assert len(engine.target) == 40

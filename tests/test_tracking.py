@@ -1,12 +1,13 @@
 """The MLflow store is read back with a client of its own."""
 
+import json
 import warnings
 from datetime import datetime, timedelta
 
 import pytest
 
 from softnn.contracts import InputError
-from softnn.tracking import PARENT, Tracker
+from softnn.tracking import COLUMNS, PARENT, VIEW, Tracker, tables
 
 NOW = datetime(2026, 1, 2, 3, 4, 5)
 LATER = NOW + timedelta(seconds=7)
@@ -153,6 +154,29 @@ def test_error_marks_the_parent_failed(made):
     ):
         _ = 1 / 0
     assert read(made, "failed")[1][0].info.status == "FAILED"
+
+
+def test_a_link_opens_the_table_with_nrmse_and_r2(made):
+    with Tracker(made, "linked", identity="1", **ABOUT):
+        pass
+    client, _, _ = read(made, "linked")
+    one = client.get_experiment_by_name("linked")
+    client.delete_experiment_tag(one.experiment_id, f"mlflow.sharedViewState.{VIEW}")
+    assert "linked" not in tables(made, "http://here")
+    with Tracker(made, "linked", identity="1", **ABOUT):  # a store of before has none
+        pass
+    link = tables(made, "http://here")["linked"]
+    assert link == (
+        f"http://here/#/experiments/{one.experiment_id}/runs?viewStateShareKey={VIEW}"
+    )
+    tags = client.get_experiment(one.experiment_id).tags
+    shown = json.loads(tags[f"mlflow.sharedViewState.{VIEW}"])["selectedColumns"]
+    assert shown == [f"metrics.`{name}`" for name in COLUMNS]
+
+
+def test_a_store_that_is_not_there_has_no_tables(tmp_path):
+    assert tables(f"sqlite:///{tmp_path}/none.db", "http://here") == {}
+    assert not list(tmp_path.iterdir())
 
 
 def test_deleted_experiment_is_said(made):
