@@ -5,6 +5,10 @@ motion for a range of ages, an area; where areas of several studies overlap, the
 has their support. `--table` asks a table of your own, in the form of `table_3_1.toml`
 or as CSV with the columns low, high, group_low, group_high, study; the groups may be
 weights, and the ranges torques, as well.
+
+Of the hip the thesis prints the mean range of motion and the greatest deviation from it
+(section 3.2.2), no single studies. Both figures are found for the knee too, and say what
+a strip that is laid out for the mean is strained by.
 """
 
 from __future__ import annotations
@@ -20,13 +24,21 @@ import numpy as np
 from softnn.contracts import InputError
 from softnn.materials import material
 from softnn.study import common
-from softnn.study.ranges import Query, inwards, published, read_areas, supported
+from softnn.study.ranges import (
+    Query,
+    inwards,
+    published,
+    read_areas,
+    spread,
+    supported,
+)
 from studies.shown.gait import draw, report
 
 SPEED_RPM = 50.0  # of the knee in walking (thesis section 7.4)
 STRAIN = 0.5  # working range of a strip (Table 7.3)
 LABELS = ("age [years]", "angle of the knee [degree]")
 FASTEST_MM_PER_MIN = 500.0  # at which strips were pulled
+HIP_DEGREES, HIP_DEVIATION = 44.63, 0.18  # walking over ground, thesis section 3.2.2
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -71,6 +83,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                 for n in range(1, len({a.study for a in areas}) + 1)
             ],
         }
+        body["motion"] = {"areas": motion(*spread(areas), options.length)}
+        if not own:
+            hip = motion(HIP_DEGREES, HIP_DEVIATION, options.length)
+            knee = body["motion"].pop("areas")
+            body["motion"] |= {"knee": knee, "hip, published": hip}
+            headline["knee_mean"] = knee["mean"]
+            headline["knee_deviation"] = knee["deviation"]
         if widest:
             whole = inwards(*widest)
             headline |= {"low_whole": whole[0], "high_whole": whole[1]}
@@ -87,6 +106,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"\nresult: {path}")
 
     return common.guarded(work)
+
+
+def motion(mean: float, deviation: float, length_mm: float) -> dict[str, float]:
+    """A mean range of motion, and the strip whose working range it is.
+
+    `mean` is in degrees, `deviation` the greatest of a study from it as a fraction:
+    the strip is strained by `strain_low` to `strain_high` over the studies.
+    """
+    return {
+        "mean": mean,
+        "deviation": deviation,
+        "radius_mm": STRAIN * length_mm / math.radians(mean),
+        "strain_low": STRAIN * (1 - deviation),
+        "strain_high": STRAIN * (1 + deviation),
+    }
 
 
 def strip(

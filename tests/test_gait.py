@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from softnn.contracts import InputError
-from softnn.study.ranges import Area, Query, inwards, outline, published, supported, who
+from softnn.study.ranges import (
+    Area,
+    Query,
+    inwards,
+    outline,
+    published,
+    spread,
+    supported,
+    who,
+)
 from studies import gait
 
 
@@ -52,6 +61,16 @@ def test_strain_of_a_strip():
     assert one["strain_range"] == pytest.approx(math.pi * 10 / 50)
     assert one["rate_at_50_rpm_per_s"] == pytest.approx(10 * 50 / 60 * math.tau / 50)
     assert gait.strip((4.5, 63.5), 33, None)["strain_range"] == pytest.approx(0.5)
+
+
+def test_mean_range_of_motion_and_the_strip_that_is_laid_out_for_it():
+    # Table 3.1 by hand: 65.2, 61.5, 59, 69, 69 and 55.6 degrees.
+    mean, deviation = spread(published())
+    assert mean == pytest.approx(379.3 / 6)
+    assert deviation == pytest.approx(1 - 55.6 / (379.3 / 6))
+    hip = gait.motion(gait.HIP_DEGREES, gait.HIP_DEVIATION, 33.0)
+    assert math.radians(44.63) * hip["radius_mm"] / 33.0 == pytest.approx(0.5)
+    assert (hip["strain_low"], hip["strain_high"]) == pytest.approx((0.41, 0.59))
 
 
 def test_a_table_of_ones_own(tmp_path, monkeypatch):

@@ -9,10 +9,12 @@ import pytest
 from made import STIFFNESS, UNITS, histories, mullins, straight, write_case
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from softnn.contracts import Chunk
 from softnn.effects import effect
+from softnn.fit import Data, Guess
 from softnn.mismatch import diagnosis, verify
 from softnn.mismatch.accounts import search
-from softnn.mismatch.base import baseline, start
+from softnn.mismatch.base import baseline, beyond, start, units_for
 from softnn.mismatch.candidates import ENTRY, expand
 from softnn.mismatch.case import read_case, to_data
 from softnn.mismatch.decision import Shows, decide
@@ -413,10 +415,6 @@ def test_a_diagnosis_keeps_to_one_blas_thread(tmp_path, monkeypatch):
 
 
 def test_a_simulation_is_kept_where_no_stress_was_measured():
-    from softnn.fit import Guess
-    from softnn.fit.point import Data
-    from softnn.mismatch.base import beyond, units_for
-
     time = np.linspace(0.0, 10.0, 50)
     stress = 0.2 * time
     stress[20:30] = np.nan

@@ -41,6 +41,19 @@ class Query:
     studies: int
 
 
+def spread(areas: Sequence[Area]) -> tuple[float, float]:
+    """Mean range of motion, and the greatest deviation from it over the mean.
+
+    The second is a fraction (thesis section 3.2.2).
+
+    >>> spread([Area(0, 40, 0, 9, "a"), Area(5, 65, 0, 9, "b")])
+    (50.0, 0.2)
+    """
+    motions = np.array([a.high - a.low for a in areas])
+    mean = float(motions.mean())
+    return mean, float(np.abs(motions - mean).max() / mean)
+
+
 def supported(areas: Sequence[Area], query: Query) -> list[tuple[float, float]]:
     """Ranges that, at every point of the group, that many different studies contain.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from softnn.study import common
@@ -28,7 +28,24 @@ def report(query: Query, body: dict[str, Any]) -> str:
             f"{s['strain_range']:.3g}, at 50 rpm by {s['rate_at_50_rpm_per_s']:.3g}/s: "
             f"{s['rate_over_fastest_test']:.3g} times the fastest tensile test"
         )
+    out.append(motions(body["motion"]))
     return "\n\n".join(out)
+
+
+def motions(found: Mapping[str, Mapping[str, float]]) -> str:
+    """Mean ranges of motion, and the strips that are laid out for them."""
+    header = ["joint", "mean range [degree]", "greatest deviation", "pulley [mm]"]
+    rows = [
+        [
+            name,
+            f"{m['mean']:.4g}",
+            common.percent(m["deviation"], 0),
+            f"{m['radius_mm']:.3g}",
+            f"{m['strain_low']:.2f} to {m['strain_high']:.2f}",
+        ]
+        for name, m in found.items()
+    ]
+    return common.markdown([*header, "strain over the studies"], rows)
 
 
 def draw(

@@ -16,6 +16,7 @@ from bench.checking import moved
 from softnn.materials import MATERIALS, material, table
 from softnn.study.common import made_with, markdown, percent
 from softnn.study.tendon_match import Row
+from studies.shown import gait as gait_shown
 from studies.shown import properties, realtime, tendon
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -134,6 +135,12 @@ def gait() -> str:
         f"{strip['rate_at_50_rpm_per_s']:.3g} a second: "
         f"{strip['rate_over_fastest_test']:.3g} times the fastest tensile test of the "
         "thesis.",
+        "## Mean range of motion",
+        "Section 3.2.2 takes the mean over studies of the range of motion, and the "
+        "greatest deviation of a study from it. Of the hip the thesis prints these two "
+        "alone. The pulley is the one at which the mean range is the working range of "
+        "a strip of 33 mm.",
+        gait_shown.motions(body["motion"]),
     )
 
 
