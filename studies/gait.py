@@ -6,9 +6,9 @@ has their support. `--table` asks a table of your own, in the form of `table_3_1
 or as CSV with the columns low, high, group_low, group_high, study; the groups may be
 weights, and the ranges torques, as well.
 
-Of the hip the thesis prints the mean range of motion and the greatest deviation from it
-(section 3.2.2), no single studies. Both figures are found for the knee too, and say what
-a strip that is laid out for the mean is strained by.
+Of the hip the thesis prints the mean range of motion and the greatest deviation from
+it (section 3.2.2), no single studies. Both figures are found for the knee too, and say
+what a strip that is laid out for the mean is strained by.
 """
 
 from __future__ import annotations

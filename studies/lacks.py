@@ -118,9 +118,11 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
     )
     (data,) = [d for d in prepared(settings) if d.material == one["material"]]
     trainer = Trainer(data, settings, TRAINING, threads=1)
-    chosen = trainer.chosen(one["choices"]["unseen"]["configuration"])
+    # The starting weights with which the choice was judged.
+    anew = {"folds_seed": settings.seed + 1}
+    chosen = trainer.chosen(one["choices"]["unseen"]["configuration"] | anew)
     folds = trainer.folds(
-        one["unseen"], chosen["inputs"], settings.seed, chosen["lag_s"]
+        one["unseen"], chosen["inputs"], chosen["folds_seed"], chosen["lag_s"]
     )
     errors = folds_of(one["choices"]["unseen"]["anew"], "unseen")
     worst = int(np.argmax(errors))
@@ -138,11 +140,12 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
     told = diagnose(case, network)
     shares = never_shown(case, network)
     said = trained.network.at(test, known.inputs, known.recording)
+    error = nrmse(said, known.target[test])
     factor, left = level(said, known.target[test])
     return {
         "network": one["choices"]["unseen"]["words"],
         "unseen": folds.names[worst],
-        "error": float(errors[worst]),
+        "error": error,
         "verdict": told.verdict,
         "selected": list(told.selected),
         "summary": told.summary,
@@ -152,7 +155,7 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
         "sentence": sentence(
             {name: told.probability[name] for name in told.selected},
             shares,
-            (float(errors[worst]), factor, left),
+            (error, factor, left),
         ),
         **provenance(),
     }
