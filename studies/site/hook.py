@@ -17,8 +17,8 @@ def on_files(files: Files, config: Any) -> Files:
     """Add the gallery, the chapters of the thesis and the notebook."""
     made = gallery.pages() | thesis.pages()
     made["first_look.md"] = notebook.page(ROOT / "docs" / "first_look.ipynb")
-    for path, text in made.items():
-        files.append(File.generated(config, path, content=text))
+    for path, content in (made | thesis.pictures()).items():
+        files.append(File.generated(config, path, content=content))
     return files
 
 

@@ -16,11 +16,14 @@ from bench.checking import moved
 from softnn.materials import MATERIALS, material, table
 from softnn.study.common import made_with, markdown, percent
 from softnn.study.tendon_match import Row
+from studies import feedback, natr
+from studies.shown import dynamic as dynamic_shown
 from studies.shown import gait as gait_shown
 from studies.shown import properties, realtime, tendon
 
 RESULTS = Path(__file__).parents[1] / "results"
 PL = ("PL-SLS", "PL-Wiechert")
+PICTURES = ("feedback", "dynamic")  # of studies, shown on the pages
 CAUTION = (
     "*Published* is as printed; *found* is of virtual specimens, made up to be like "
     "the published ones, never of the recordings behind the thesis, which were not "
@@ -38,6 +41,11 @@ def pages() -> dict[str, str]:
     made = {f"thesis/chapter-{n}.md": make() for n, make in CHAPTERS.items()}
     made["thesis/index.md"] = _index()
     return made
+
+
+def pictures() -> dict[str, bytes]:
+    """The pictures that chapters show, by path."""
+    return {f"thesis/{p}.png": (RESULTS / f"{p}.png").read_bytes() for p in PICTURES}
 
 
 def _index() -> str:
@@ -323,6 +331,7 @@ def networks() -> str:
                 name,
                 f"{p['neurons']}",
                 f"{h['neurons']}",
+                f"{h['neurons_few']}",
                 f"{p['generalisation_error']:g} %",
                 percent(h["nrmse_random"]),
                 percent(h["nrmse_specimen"]),
@@ -338,7 +347,7 @@ def networks() -> str:
         "and ten-fold cross-validation. Folds drawn at random put neighbours in time "
         "on both sides, so they tell how well a network interpolates: whole specimens "
         "and whole rates left out stand beside.",
-        ["inputs", "neurons", "regularisation"],
+        ["inputs", "feedback", "neurons", "natr", "regularisation"],
         "## Section 6.4.1: which inputs?",
         markdown(
             ["inputs", "random folds", "rates never seen"],
@@ -351,13 +360,17 @@ def networks() -> str:
                 for k in kinds
             ],
         ),
+        "## Section 6.4.1: stress as an input",
+        feedback.sentence(result("feedback")["headline"]),
+        "![a network on measured stress, and on its own](feedback.png)",
         printed("6.2"),
         "## Table 6.6: how many neurons?",
         markdown(
             [
                 "material",
                 "neurons published",
-                "found",
+                "found, largest R2",
+                "fewest as good",
                 "random folds published",
                 "found",
                 "specimens never seen",
@@ -367,7 +380,14 @@ def networks() -> str:
             ],
             rows,
         ),
+        "*Fewest as good*: the fewest neurons with an R2 within one standard error of "
+        "the largest. From there to 20 neurons the errors tie, and which of them is "
+        "the largest R2 is chance, in the thesis and here.",
         remarks("6.6"),
+        "## NatR: 25 % by all samples, 5 % by a tenth?",
+        "The thesis does not say how it took the tenth. *Scatter alone* is what the "
+        "mean stress of these specimens leaves, at each strain and rate.",
+        natr.report(result("natr")["ways"]),
     )
 
 
@@ -399,10 +419,31 @@ def actuator() -> str:
     )
 
 
+def rest() -> str:
+    """8 What the thesis left to others: dynamic tests"""
+    body = result("dynamic")
+    return _chapter(
+        rest.__doc__,
+        "Section 8.3 asks for dynamic mechanical analysis. Sines of strain go into "
+        "models of tensile tests, and real recordings of cycles are read in the same "
+        "way: the storage modulus E' is what comes back, the loss modulus E'' what is "
+        "lost, tan delta their ratio. A model with a negative loss modulus gives back "
+        "more work than it takes.",
+        ["dynamic"],
+        "## Models and recordings",
+        "![moduli over frequency](dynamic.png)",
+        dynamic_shown.report(body),
+        "Of your own: `python -m studies.dynamic --model model.json`, and "
+        "`--recordings FILE`; in Python `softnn.dynamic.of_recording(recording)` and "
+        "`softnn.dynamic.sweep(model, frequencies, mean, amplitude)`.",
+    )
+
+
 CHAPTERS: dict[int, Callable[[], str]] = {
     3: gait,
     4: characterization,
     5: piecewise,
     6: networks,
     7: actuator,
+    8: rest,
 }

@@ -1,0 +1,153 @@
+"""Why is a network with the stress fed back so good, and so bad on its own stress?
+
+Section 6.4.1 of the thesis tries the stress of a sample ago as an input, finds an error
+at least an order of magnitude lower, and drops it, as it needs a load cell. The error
+is low since the stress of a sample ago is nearly the stress: to repeat it has hardly
+more. Here the network goes on alone for 1, 2, 3 ... samples from a measured stress,
+and in the end from the start of the test, as it would have to without a load cell.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from softnn.contracts import Array
+from softnn.metrics import nrmse
+from softnn.neural import Network, samples
+from softnn.recording import Recording
+from softnn.study import common
+from softnn.study.common import percent
+from softnn.study.material_data import prepared
+from softnn.study.settings import Settings
+from softnn.study.trainer import Trainer
+from studies.shown.feedback import draw
+
+INPUTS, WITHOUT = "FFRD4S", "FFRD4"
+AHEAD = (1, 2, 3, 5, 8, 13, 21, 34, 55, 89, 144)  # samples
+NUDGE = 1e-4  # MPa, by which the stress fed back is moved
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command `python -m studies.feedback`; returns the exit code."""
+    made = common.parser("feedback", __doc__)
+    made.add_argument("--material", default="NatPolR", help="virtual specimens")
+    return common.guarded(lambda: run(made.parse_args(argv)))
+
+
+def run(a: Any) -> None:
+    """The protocol of Table 6.4: 20 neurons, a tenth of the samples, ten folds."""
+    settings = Settings(
+        material=a.material,
+        seed=a.seed,
+        fraction=1.0 if a.smoke else 0.1,
+        samples=30 if a.smoke else None,
+        folds=3 if a.smoke else 10,
+    )
+    (data,) = prepared(settings)
+    trainer = Trainer(data, settings)
+    about = {"neurons": 5 if a.smoke else 20, "split": "random"}
+    fed = trainer.judge(about | {"inputs": INPUTS})
+    alone = trainer.judge(about | {"inputs": WITHOUT})
+    network = trainer.whole(about | {"inputs": INPUTS}).network
+    ahead = [
+        {"samples": steps, "nrmse": horizon(network, data.tensile, steps)}
+        for steps in AHEAD
+        if steps < min(map(len, data.tensile))
+    ]
+    longest = max(data.tensile, key=lambda r: float(r.strain.max()))
+    headline = {
+        "nrmse_measured": float(np.mean(fed["nrmse_measured"])),
+        "nrmse_repeated": repeated(data.tensile),
+        "nrmse_alone": float(np.mean(fed["nrmse"])),
+        "nrmse_without_feedback": float(np.mean(alone["nrmse"])),
+        "gain": gain(network, data.tensile),
+    }
+    body = {
+        "material": data.label,
+        "ahead": ahead,
+        "specimen": curves(network, longest),
+    }
+    folder = common.results_folder(a.smoke, a.publish and a.material == "NatPolR")
+    path = common.write_result(
+        "feedback",
+        headline,
+        body,
+        seed=a.seed,
+        data={data.label: data.digest},
+        folder=folder,
+    )
+    common.save_figure(draw(headline, body), "feedback", folder)
+    print(f"{data.label}: {sentence(headline)}\n\nresult: {path}")
+
+
+def sentence(found: dict[str, Any]) -> str:
+    """What the picture says."""
+    return (
+        "With the measured stress of a sample ago the network has "
+        f"{percent(found['nrmse_measured'])}; to repeat that stress has "
+        f"{percent(found['nrmse_repeated'])}. On its own stress, from the start of the "
+        f"test, it has {percent(found['nrmse_alone'], 0)}; without any feedback a "
+        f"network has {percent(found['nrmse_without_feedback'])}. An error in the "
+        f"stress fed back comes out {found['gain']:.3f} times as large, so it stays."
+    )
+
+
+def horizon(network: Network, recordings: Sequence[Recording], steps: int) -> float:
+    """NRMSE of the network after so many samples on its own, from a measured stress."""
+    said, true = [], []
+    for inputs, stress in map(columns, recordings):
+        found = stress[:-steps]
+        for step in range(1, steps + 1):
+            rows = inputs[step : len(stress) - steps + step, :-1]
+            found = network.predict(np.column_stack([rows, found]))
+        said.append(found)
+        true.append(stress[steps:])
+    return nrmse(np.concatenate(said), np.concatenate(true))
+
+
+def repeated(recordings: Sequence[Recording]) -> float:
+    """NRMSE of the stress of a sample ago in place of a prediction."""
+    every = [columns(r)[1] for r in recordings]
+    return nrmse(
+        np.concatenate([s[:-1] for s in every]), np.concatenate([s[1:] for s in every])
+    )
+
+
+def gain(network: Network, recordings: Sequence[Recording]) -> float:
+    """Change of the prediction over that of the stress fed back, at the median."""
+    inputs = np.concatenate([columns(r)[0] for r in recordings])
+    moved = inputs.copy()
+    moved[:, -1] += NUDGE
+    return float(np.median(network.predict(moved) - network.predict(inputs)) / NUDGE)
+
+
+def columns(recording: Recording) -> tuple[Array, Array]:
+    """Inputs (n, 3), the measured stress of a sample ago last, and stress (n,)."""
+    known = samples([recording], INPUTS)
+    return known.inputs, known.target
+
+
+def curves(network: Network, recording: Recording) -> dict[str, Any]:
+    """Strain and stress of a specimen: measured, one sample ahead, and alone."""
+    inputs, stress = columns(recording)
+    past, alone = 0.0, []
+    for row in inputs:
+        past = float(network.predict(np.append(row[:-1], past)[None])[0])
+        alone.append(past)
+    some = np.unique(np.linspace(0, len(stress) - 1, 200).astype(int))
+    ahead = network.predict(inputs)
+    return {
+        "name": recording.name,
+        "strain": inputs[some, 0].tolist(),
+        "measured_MPa": stress[some].tolist(),
+        "one_ahead_MPa": ahead[some].tolist(),
+        "alone_MPa": np.array(alone)[some].tolist(),
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())
