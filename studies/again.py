@@ -37,7 +37,7 @@ from softnn.contracts import InputError
 from softnn.mismatch.case import read_case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.mismatch.posterior import CONSTANTS
-from softnn.neural import PUBLISHED, Seen
+from softnn.neural import PUBLISHED, Seen, samples
 from softnn.neural import Settings as Training
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
@@ -53,8 +53,11 @@ from studies import (
     accuracy,
     augmentation,
     branches,
+    dynamic,
+    feedback,
     gait,
     lacks,
+    natr,
     rates,
     realtime,
     segments,
@@ -375,6 +378,18 @@ def whole(study: Callable[[list[str]], int], result: Result, rng: Rng) -> Iterat
     yield "all", was, now
 
 
+def tenths(result: Result, rng: Rng) -> Iterator[Row]:
+    """One way to a tenth of the samples after the other."""
+    (data,) = prepared(Settings(material=natr.MATERIAL, seed=result["seed"]))
+    every = natr.ways(data.tensile, result["seed"])
+    rows = {row["way"]: row for row in result["ways"]}
+    for name in shuffled(sorted(set(every) & set(rows)), rng):
+        recordings, index = every[name]
+        known = samples(recordings, natr.INPUTS).take(index[:: result["thin"]])
+        now = natr.judged(recordings, known, result["seed"], False)
+        yield name, {k: v for k, v in rows[name].items() if k != "way"}, now
+
+
 def properties(result: Result, rng: Rng) -> Iterator[Row]:
     """Properties of one material, or of one set, after the other."""
     rows = result["virtual"]["rows"]
@@ -489,6 +504,9 @@ CHECKERS = {
     "survivor": Checker(survived, DIAGNOSED),
     "actuator": Checker(walked, TRAINED),
     "realtime": Checker(in_real_time, TRAINED),
+    "dynamic": Checker(partial(whole, dynamic.main), TRAINED),
+    "feedback": Checker(partial(whole, feedback.main), TRAINED),
+    "natr": Checker(tenths, TRAINED),
     "gait": Checker(partial(whole, gait.main)),
     "tendon": Checker(partial(whole, tendon.main)),
     "properties": Checker(properties),
