@@ -386,7 +386,8 @@ def networks() -> str:
         remarks("6.6"),
         "## NatR: 25 % by all samples, 5 % by a tenth?",
         "The thesis does not say how it took the tenth. *Scatter alone* is what the "
-        "mean stress of these specimens leaves, at each strain and rate.",
+        "mean stress of these specimens leaves, at each strain and rate. Every tenth "
+        "sample of each way is taken.",
         natr.report(result("natr")["ways"]),
     )
 
