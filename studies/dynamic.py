@@ -34,7 +34,7 @@ LAW = "law of the specimens"
 RECORDED = ("silicone30a-instron",)  # sets with whole cycles about one mean
 CYCLES = 3  # of a recording, at least
 SAMPLES = 100  # of a recording that is trained on
-NETWORKS = {"FFRI3": None, "FFRD4": None, "FFH4": None}  # inputs: lag in s
+NETWORKS = {"FFRI3": 0.5, "FFRD4": None, "FFH4": 0.5}  # inputs: lag in s
 
 
 class Law:

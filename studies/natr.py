@@ -56,7 +56,7 @@ def run(a: Any) -> None:
     (data,) = prepared(settings)
     rows = []
     for name, (recordings, index) in ways(data.tensile, a.seed).items():
-        known = samples(recordings, INPUTS).take(index[:: a.thin])
+        known = samples(recordings, INPUTS).take(index[:: 1 if a.smoke else a.thin])
         rows.append({"way": name} | judged(recordings, known, a.seed, a.smoke))
         print(line(rows[-1]), flush=True)
     headline = {r["way"]: r["nrmse"] for r in rows}
