@@ -7,6 +7,7 @@ from softnn import dynamic
 from softnn.contracts import InputError
 from softnn.models.linear import Wiechert
 from softnn.recording import Recording
+from studies import dynamic as study
 
 FREQUENCIES = np.logspace(-2, 2, 9)
 
@@ -114,3 +115,22 @@ def test_what_is_no_sine_is_refused(recording, frequency, words):
 def test_a_sweep_that_cannot_be_is_refused(asked):
     with pytest.raises(InputError, match="must be above 0"):
         dynamic.sweep(Linear(Wiechert(1)), asked[0], 0.3, asked[1])
+
+
+# --- the study ------------------------------------------------------------------------
+
+
+def test_a_recording_of_few_cycles_is_left_out():
+    assert study.of_one(swung())["cycles"] == pytest.approx(10.4, rel=0.01)
+    with pytest.raises(InputError, match="cycles; 3 are needed"):
+        study.of_one(swung(cycles=2.2, samples=100))
+
+
+def test_a_model_is_as_far_off_as_its_complex_modulus():
+    law = dynamic.of_branches(1.0, [2.0], [1.0], FREQUENCIES)
+    assert study.row("law", law, law)["error"] == 0
+    stiffer = dynamic.of_branches(1.1, [2.2], [1.0], FREQUENCIES)
+    assert study.row("stiffer", stiffer, law)["error"] == pytest.approx(0.1)
+    assert study.row("stiffer", stiffer, law)["makes_energy"] == 0
+    odd = dynamic.of_branches(1.0, [-2.0], [1.0], FREQUENCIES)
+    assert study.row("odd", odd, law)["makes_energy"] == len(FREQUENCIES)
