@@ -32,6 +32,7 @@ from softnn.state import turns
 
 BAND = 0.05  # of the range of strain: less is no turn
 LIKE = 0.15  # of the time, and of the strain, by which replicates may differ
+SAME = 0.05  # the same where a factor is asked for: more strain is more stress
 POINTS = 20  # at which a stretch is looked at
 SEEN = 1e-6  # of the stress, that a change must be
 LARGER = (1.5, 2.0, 3.0, 5.0)  # times the first start: a kink moves with its size
@@ -47,7 +48,9 @@ class Replicates:
     There are `fewest` of each programme: of two, none can say which one is wrong.
     """
 
-    def __init__(self, engine: Engine, fewest: int = FEWEST) -> None:
+    def __init__(
+        self, engine: Engine, fewest: int = FEWEST, like: float = LIKE
+    ) -> None:
         self.engine = engine
         self.times, self.at, turned = [], [], {}
         every = zip(engine.chunks, engine.data.stress_MPa, strict=True)
@@ -60,7 +63,7 @@ class Replicates:
             self.at.append((time[turn[:-1], None] + spans[:, None] * steps).ravel())
             if len(turn) > 1 and valid.sum() > 1:
                 turned[r] = spans, chunk.strain[turn]
-        self.groups = [g for g in _like(turned) if len(g) >= fewest]
+        self.groups = [g for g in _like(turned, like) if len(g) >= fewest]
 
     def along(self, recording: int, values: Array) -> Array:
         """Values (valid, ...) of a recording at its points (points, ...)."""
@@ -322,7 +325,7 @@ def are_specimens(engine: Engine) -> bool:
     replicates, with and without a factor for each; zeros are free. Factors that scatter
     less than forces are off by are none.
     """
-    replicates = Replicates(engine, fewest=2)
+    replicates = Replicates(engine, fewest=2, like=SAME)
     gain = count = numbers = 0.0
     factors = [np.zeros(0)]
     for group in replicates.groups:
@@ -408,7 +411,7 @@ def _together(all_have: Piece, more: Piece) -> Piece:
     return replace(all_have, values=values)
 
 
-def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
+def _like(turned: Mapping[int, tuple[Array, Array]], like: float) -> list[list[int]]:
     """Replicates: as many turns, after about as long, and at about the same strain."""
     reach = max((float(np.ptp(x)) for _, x in turned.values()), default=0.0)
 
@@ -416,7 +419,7 @@ def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
         if len(one[0]) != len(other[0]):
             return False
         off = np.abs(one[0] - other[0]).sum(), np.abs(one[1] - other[1]).max()
-        return bool(off[0] <= LIKE * one[0].sum() and off[1] <= LIKE * reach)
+        return bool(off[0] <= like * one[0].sum() and off[1] <= like * reach)
 
     groups: list[list[int]] = []
     for r, mine in turned.items():
