@@ -32,7 +32,7 @@ from softnn.state import turns
 
 BAND = 0.05  # of the range of strain: less is no turn
 LIKE = 0.15  # of the time, and of the strain, by which replicates may differ
-SAME = 0.05  # the same where a factor is asked for: more strain is more stress
+SAME = 0.05  # of the strain, where a factor is asked for: it makes one, too
 POINTS = 20  # at which a stretch is looked at
 SEEN = 1e-6  # of the stress, that a change must be
 LARGER = (1.5, 2.0, 3.0, 5.0)  # times the first start: a kink moves with its size
@@ -419,7 +419,7 @@ def _like(turned: Mapping[int, tuple[Array, Array]], like: float) -> list[list[i
         if len(one[0]) != len(other[0]):
             return False
         off = np.abs(one[0] - other[0]).sum(), np.abs(one[1] - other[1]).max()
-        return bool(off[0] <= like * one[0].sum() and off[1] <= like * reach)
+        return bool(off[0] <= LIKE * one[0].sum() and off[1] <= like * reach)
 
     groups: list[list[int]] = []
     for r, mine in turned.items():
