@@ -83,3 +83,13 @@ def test_ways_to_a_tenth_are_what_they_say():
     assert set(few.recording) == {0, 2}
     mean, _ = every["mean curves"]
     assert len(mean) == 2
+
+
+def test_draws_of_whole_specimens_have_one_of_each_rate():
+    # One specimen at a rate leaves nothing over.
+    assert max(natr.draws(specimens(), 0, 3)) < 1e-9
+    many = [pulled(0.1, f, f"{f}") for f in np.linspace(0.8, 1.2, 20)]
+    found = natr.draws(many, 0, 50)  # two specimens each
+    assert 0 < np.median(found) < 0.2
+    assert natr.spread(found)["draws_low"] <= natr.spread(found)["draws_median"]
+    assert natr.spread([0.04, 0.06, 0.06, 0.06])["draws_as_published"] == 0.25

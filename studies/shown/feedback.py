@@ -28,7 +28,9 @@ def draw(headline: Mapping[str, Any], body: Mapping[str, Any]) -> Figure:
         one["strain"], one["alone_MPa"], color=COLOURS[1], label="fed its own stress"
     )
     left.set(xlabel="strain", ylabel="stress [MPa]")
-    left.set_title(f"{one['name']}")
+    left.set_title(f"the worst of {one['of']} specimens, {one['name']}")
+    top = max(one["measured_MPa"])
+    left.set_ylim(max(left.get_ylim()[0], -top), min(left.get_ylim()[1], 2 * top))
     left.legend(fontsize=8)
     steps = [r["samples"] for r in body["ahead"]]
     right.loglog(
@@ -47,6 +49,7 @@ def draw(headline: Mapping[str, Any], body: Mapping[str, Any]) -> Figure:
         right.axhline(100 * headline[key], color=colour, ls="--", lw=1, label=label)
     right.set(xlabel="samples since the last measured stress", ylabel="NRMSE [%]")
     right.set_title(f"measured stress fed back: {percent(headline['nrmse_measured'])}")
-    right.legend(fontsize=7)
+    right.set_ylim(top=20 * right.get_ylim()[1])  # room for the legend
+    right.legend(fontsize=7, loc="upper left")
     figure.suptitle(body["material"], fontsize=9, x=0.01, ha="left")
     return figure

@@ -389,6 +389,7 @@ def networks() -> str:
         "mean stress of these specimens leaves, at each strain and rate. Every tenth "
         "sample of each way is taken.",
         natr.report(result("natr")["ways"]),
+        natr.sentence(result("natr")["headline"]),
     )
 
 
