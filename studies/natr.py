@@ -142,8 +142,8 @@ def sentence(found: Mapping[str, Any]) -> str:
         f"{percent(found['draws_low'], 0)} to {percent(found['draws_high'], 0)} (eight "
         f"of ten draws), {percent(found['draws_median'], 0)} at the median; "
         f"{percent(found['draws_as_published'], 0)} of the draws have 5 % or less. So "
-        "the published 5 % need no other network than the 25 %, but few specimens "
-        "that are alike: it is the specimens taken, not the number of samples."
+        "the published 5 % may be few specimens that are alike, and no better network; "
+        "how the thesis took its tenth is not known."
     )
 
 
