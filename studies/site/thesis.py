@@ -14,6 +14,7 @@ from typing import Any
 
 from bench.checking import moved
 from softnn.materials import MATERIALS, material, table
+from softnn.neural import PUBLISHED
 from softnn.study.common import made_with, markdown, percent
 from softnn.study.tendon_match import Row
 from studies import feedback, natr
@@ -321,7 +322,7 @@ def _apart(best: Row, rates: Row) -> tuple[str, str, str]:
 
 def networks() -> str:
     """6 Small neural networks"""
-    body, inputs = result("neurons-all"), result("inputs")["headline"]
+    body = result("neurons-all")
     rows = []
     for m in body["materials"]:
         h, name = m["headline"], m["material"]
@@ -340,7 +341,6 @@ def networks() -> str:
                 percent(h["nrmse_pl_wiechert_rate"]),
             ]
         )
-    kinds = [k.removeprefix("nrmse_random_") for k in inputs if "nrmse_random_" in k]
     return _chapter(
         networks.__doc__,
         "Networks of one hidden layer of 1 to 20 neurons, by Bayesian regularisation "
@@ -349,17 +349,11 @@ def networks() -> str:
         "and whole rates left out stand beside.",
         ["inputs", "feedback", "neurons", "natr", "regularisation"],
         "## Section 6.4.1: which inputs?",
-        markdown(
-            ["inputs", "random folds", "rates never seen"],
-            [
-                [
-                    k,
-                    percent(inputs[f"nrmse_random_{k}"]),
-                    percent(inputs[f"nrmse_rate_{k}"]),
-                ]
-                for k in kinds
-            ],
-        ),
+        "Figs 6.2 and 6.3 of the thesis, which print no numbers: 20 neurons, a tenth "
+        "of the samples at random.",
+        _inputs("random"),
+        "The same at rates never seen:",
+        _inputs("rate"),
         "## Section 6.4.1: stress as an input",
         feedback.sentence(result("feedback")["headline"]),
         "![a network on measured stress, and on its own](feedback.png)",
@@ -391,6 +385,17 @@ def networks() -> str:
         natr.report(result("natr")["ways"]),
         natr.sentence(result("natr")["headline"]),
     )
+
+
+def _inputs(split: str) -> str:
+    """NRMSE of each input architecture on each material."""
+    rows = []
+    for m in result("inputs-all")["materials"]:
+        errors = {k: m["headline"].get(f"nrmse_{split}_{k}") for k in PUBLISHED}
+        known = {k: v for k, v in errors.items() if v is not None}
+        best = min(known, key=lambda k: known[k]) if known else None
+        rows.append([m["material"], *map(percent, errors.values()), best])
+    return markdown(["material", *PUBLISHED, "least error"], rows)
 
 
 def actuator() -> str:
