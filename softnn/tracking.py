@@ -56,8 +56,8 @@ NOTE = "mlflow.note.content"
 SOURCE = {"mlflow.source.type": "LOCAL", "mlflow.source.name": "softnn"}
 # Without it the UI takes an experiment for one with language models.
 KIND = {"mlflow.experimentKind": "custom_model_development"}
-# MLflow has no default columns, each browser keeps its own. A link can name a view, which
-# is a tag of the experiment as the Share button of MLflow's UI writes it.
+# MLflow has no default columns, each browser keeps its own. A link can name a view,
+# which is a tag of the experiment, as the Share button of MLflow's UI writes it.
 VIEW = "softnn"
 COLUMNS = ("nrmse", "r2", "nrmse_unseen", "r2_unseen")
 SHOWN = {

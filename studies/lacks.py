@@ -43,6 +43,7 @@ from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
 
 MOST = 4  # recordings that are diagnosed
+AFTER = "what comes after"
 Result = Mapping[str, Any]
 
 
@@ -162,13 +163,21 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
 
 
 def never_shown(case: Case, network: StoredNetwork) -> dict[str, float]:
-    """What the network was never shown, with its share of the samples of a case."""
+    """What the network was never shown, with its share of the samples of a case.
+
+    What comes after has a history that was never shown either; it stands last.
+    """
     total = sum(len(r) for r in case.recordings)
-    shares: dict[str, float] = {}
+    counts: dict[str, int] = {}
+    first: dict[int, int] = {}
     for one in untaught.stretches(case, network.known):
-        part = (one.last - one.first) / total
-        shares[one.what] = shares.get(one.what, 0.0) + part
-    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+        counts[one.what] = counts.get(one.what, 0) + one.last - one.first
+        first[one.recording] = min(first.get(one.recording, total), one.first)
+    shares = dict(sorted(counts.items(), key=lambda item: -item[1]))
+    later = sum(len(case.recordings[i]) - start for i, start in first.items())
+    if later > sum(counts.values()):
+        shares[AFTER] = later - sum(counts.values())
+    return {what: count / total for what, count in shares.items()}
 
 
 def level(predicted: Array, measured: Array) -> tuple[float, float]:

@@ -128,3 +128,17 @@ def test_a_network_shown_both_ways_is_asked_nothing_new(network):
     assert untaught.stretches(Case("c", (cyclic(),)), shown.known) == []
     again = Seen.from_dict(json.loads(json.dumps(seen.to_dict())))
     assert again == seen
+
+
+def test_what_comes_after_was_never_shown_either(network):
+    """The study of what a network lacks counts the samples after an unloading, too."""
+    from studies.lacks import AFTER, never_shown
+
+    one = cyclic()
+    shares = never_shown(Case("c", (one,)), network)
+    assert list(shares) == ["unloading", AFTER]
+    turns = np.array([0.25, 0.23, 0.38, 0.38, 0.48])
+    parts = turns / turns.sum()
+    assert shares["unloading"] == pytest.approx(parts[1] + parts[3], abs=0.02)
+    assert shares[AFTER] == pytest.approx(parts[2] + parts[4], abs=0.02)
+    assert never_shown(Case("c", (pulled(0.02, "x"),)), network) == {}
