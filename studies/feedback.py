@@ -94,7 +94,8 @@ def sentence(found: dict[str, Any]) -> str:
         f"{percent(found['nrmse_repeated'])}. On its own stress, from the start of the "
         f"test, it has {percent(found['nrmse_alone'], 0)}; without any feedback a "
         f"network has {percent(found['nrmse_without_feedback'])}. An error in the "
-        f"stress fed back comes out {found['gain']:.3f} times as large, so it stays."
+        f"stress fed back comes out {found['gain']:.3f} times as large: it does not "
+        "fade."
     )
 
 
