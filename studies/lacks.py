@@ -44,6 +44,7 @@ from softnn.study.trainer import Trainer
 
 MOST = 4  # recordings that are diagnosed
 AFTER = "what comes after"
+LEAST = 0.05  # of the samples, by which it is worth a word
 Result = Mapping[str, Any]
 
 
@@ -175,8 +176,9 @@ def never_shown(case: Case, network: StoredNetwork) -> dict[str, float]:
         first[one.recording] = min(first.get(one.recording, total), one.first)
     shares = dict(sorted(counts.items(), key=lambda item: -item[1]))
     later = sum(len(case.recordings[i]) - start for i, start in first.items())
-    if later > sum(counts.values()):
-        shares[AFTER] = later - sum(counts.values())
+    rest = later - sum(counts.values())
+    if rest > LEAST * total:
+        shares[AFTER] = rest
     return {what: count / total for what, count in shares.items()}
 
 
