@@ -493,3 +493,11 @@ def test_axe_finds_no_fault(opened, scheme):
     page.emulate_media(color_scheme=scheme)
     found = axe.Axe().run(page)
     assert [v["id"] for v in found.response["violations"]] == []
+
+
+def test_hundreds_of_cycles_that_share_a_mismatch_are_one_sentence():
+    one = {"branch": "unloading", "sign": "simulation too stiff", "recording": "a"}
+    many = [one | {"cycle": c, "strain": [0.1, 0.5], "share": 0.003} for c in range(300)]
+    assert sentences(many, 1, Axis("strain", "-")) == [
+        "Unloading of cycles 0-299, strain 0.1 to 0.5: 90 % (simulation too stiff)."
+    ]
