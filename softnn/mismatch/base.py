@@ -180,8 +180,8 @@ def given(
 def beyond(data: Data, simulated: Sequence[Array], stand_in: Guess) -> Engine:
     """An engine that adds what a simulation has beyond its stand-in."""
     # Stress is wanted where none was measured, too.
-    every = tuple(np.zeros(len(c.time_s)) for c in data.chunks)
-    plain = Engine(replace(data, stress_MPa=every))
+    whole = tuple(np.nan_to_num(s) for s in data.stress_MPa)
+    plain = Engine(replace(data, stress_MPa=whole))
     stress, _ = plain.run(replace(stand_in, pieces=()), False)
     by = np.split(stress, data.starts[1:-1])
     return Engine(data, remainder=[s - m for s, m in zip(simulated, by, strict=True)])
