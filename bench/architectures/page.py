@@ -60,10 +60,10 @@ JUDGED = (
     "measure interpolation. They are the protocol of the thesis. Specimens and rates "
     "never seen are the harder test, and the one that a controller meets."
 )
-PANELS = {
-    "neurons": "virtual specimens of\nnatural rubber with polyester",
+PANELS = {  # real recordings first
     "neurons-vhb4910-zhao": "recordings of\nVHB 4910 acrylic tape",
     "neurons-rubber-compression-relaxation": "recordings of\nrubber cylinders",
+    "neurons": "virtual specimens of\nnatural rubber with polyester",
 }
 COMMAND = "python -m studies.architectures"
 
@@ -276,7 +276,7 @@ def augmented(results: Path) -> list[str]:
             pm(np.array(row["with"])),
             f"{100 * row['gain']:.1f} +- {100 * row['gain_error']:.1f} %",
         ]
-        for row in found["networks"]
+        for row in real_first(found["networks"])
     ]
     header = ["material", "inputs", "unseen", "without", "with", "gain, paired"]
     return [
@@ -289,6 +289,11 @@ def augmented(results: Path) -> list[str]:
         common.markdown(header, rows),
         *(f"Left out: {label}: {why}" for label, why in found["left_out"].items()),
     ]
+
+
+def real_first(rows: Sequence[Result]) -> list[Result]:
+    """Rows of real recordings, then those of virtual specimens."""
+    return sorted(rows, key=lambda row: "virtual specimens" in row["label"])
 
 
 def pm(errors: np.ndarray) -> str:
