@@ -33,7 +33,7 @@ neurons: $(STAMP) ## the main job: which network for which use, 2 minutes, into 
 
 # Studies of minutes; those of hours are named in the help. Each replaces its own files.
 STUDIES ?= gait tendon virtual_specimens properties segments branches accuracy rates \
-    inputs neurons regularisation actuator realtime
+    inputs neurons regularisation feedback natr actuator realtime dynamic
 results: $(STAMP) ## publish into studies/results: studies of minutes, or STUDIES="limits concealed ..." of hours
 	set -e; for study in $(STUDIES); do $(BIN)/python -m studies.$$study \
 	    $$([ $$study = neurons ] && echo --as-in-thesis) --publish $(ARGS); done

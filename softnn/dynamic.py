@@ -1,8 +1,8 @@
 r"""Dynamic tests: storage and loss modulus of models and of recordings.
 
-A strain :math:`\varepsilon = \varepsilon_0 \sin \omega t` about a mean is answered by a
-stress whose part of the same frequency is :math:`\sigma = \varepsilon_0 (E' \sin \omega
-t + E'' \cos \omega t)`. The storage modulus :math:`E'` is what the material gives back,
+The strain swings about a mean, :math:`\varepsilon = \varepsilon_0 \sin \omega t`. The
+part of the stress that has the same frequency is
+:math:`\sigma = \varepsilon_0 (E' \sin \omega t + E'' \cos \omega t)`. The storage modulus :math:`E'` is what the material gives back,
 the loss modulus :math:`E''` what it turns into heat: :math:`\pi E'' \varepsilon_0^2`
 per volume and cycle. Their ratio is :math:`\tan \delta`. A model with
 :math:`E'' < 0` makes energy out of nothing.

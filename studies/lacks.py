@@ -1,11 +1,11 @@
 """What does a network lack, where a piecewise-linear model predicts better?
 
-For each material of `studies.architectures` on which the best piecewise-linear model
-has less error than the chosen network at what was never seen: the network is trained
-again without the fold on which it is worst, and a diagnosis is asked what that
-simulation leaves out of the recordings of that fold. One sentence says which effects
-the network lacks, or what it was never shown, so that no physics can be named; and how
-much of its error is a stress that is too high or too low throughout.
+`studies.architectures` has materials on which the best piecewise-linear model has less
+error at unseen rates than the chosen network. For each of them the network is trained
+again without its worst fold, and diagnosed on the recordings of that fold. One sentence
+names the effects that the network lacks. Where the training did not show it such rates
+or holds, no physics can be named, and the sentence says so. It adds how much of the
+error is a stress that is too high or too low throughout.
 """
 
 from __future__ import annotations
