@@ -2,9 +2,10 @@ r"""Dynamic tests: storage and loss modulus of models and of recordings.
 
 The strain swings about a mean, :math:`\varepsilon = \varepsilon_0 \sin \omega t`. The
 part of the stress that has the same frequency is
-:math:`\sigma = \varepsilon_0 (E' \sin \omega t + E'' \cos \omega t)`. The storage modulus :math:`E'` is what the material gives back,
-the loss modulus :math:`E''` what it turns into heat: :math:`\pi E'' \varepsilon_0^2`
-per volume and cycle. Their ratio is :math:`\tan \delta`. A model with
+:math:`\sigma = \varepsilon_0 (E' \sin \omega t + E'' \cos \omega t)`. The storage
+modulus :math:`E'` is the share that the material gives back. The loss modulus
+:math:`E''` is the share that it turns into heat, :math:`\pi E'' \varepsilon_0^2` per
+volume and cycle. Their ratio is :math:`\tan \delta`. A model with
 :math:`E'' < 0` makes energy out of nothing.
 
 J. D. Ferry, *Viscoelastic Properties of Polymers*, 3rd ed., Wiley 1980, chapters 1, 3.
