@@ -34,9 +34,9 @@ from softnn.noise import Noise, estimate
 class Judgement:
     """All candidates, the decision, and the simulations before and after correction.
 
-    `engine` has the samples of the search, `fine` those of the report; `before` and
-    `after` are fits to the latter, without and with what corrects the simulation.
-    `judged_by`: "likelihood", or "prediction" where no candidate reaches the noise.
+    `engine` has the samples of the search, `fine` those of the report. `before` and
+    `after` are fits to the latter, without and with the correction. `judged_by` is
+    "likelihood", or "prediction" if no candidate reaches the noise.
     """
 
     base: Baseline
@@ -70,18 +70,18 @@ class Judgement:
         return float(np.sqrt(np.concatenate(square).mean()))
 
     def heldout(self, account: Tried) -> verify.Heldout:
-        """Error of an account on recordings left out."""
+        """Return the error of a candidate on recordings left out."""
         if isinstance(account, Candidate):
             return account.heldout
         return verify.heldout(self.engine, account.fit)
 
     def log_odds(self, account: Tried) -> float:
-        """Log odds of an account over the base alone, but for their prior, nats."""
+        """Return the log odds of a candidate over the base, without priors, nats."""
         return account.log_odds - self.candidates[0].log_odds
 
 
 def judge(base: Baseline) -> Judgement:
-    """Search, weigh and decide for a base at its best."""
+    """Search, weigh and decide for the best fit of a base; return the judgement."""
     found = search(base)
     if found.reaches_noise:
         return by_likelihood(found)
@@ -93,7 +93,7 @@ def _shows(engine: Engine) -> Shows:
 
 
 def by_likelihood(found: Search) -> Judgement:
-    """The judgement where some candidate explains the recordings down to the noise."""
+    """Judge where some candidate explains the recordings down to the noise."""
     base, engine = found.base, found.base.engine
     probable = with_mistakes(posterior(found.accounts), engine)
     own = replicates.stand_out(engine, probable.best.fit) + zeros.at_rest(engine)
@@ -128,10 +128,10 @@ def by_likelihood(found: Search) -> Judgement:
 
 
 def by_prediction(base: Baseline) -> Judgement:
-    """The judgement where no candidate explains the recordings down to the noise.
+    """Judge where no candidate explains the recordings down to the noise.
 
-    Faults of single recordings come first: all candidates have those that are likely.
-    What replicates show is asked again beside the best candidate.
+    Faults of single recordings come first: every candidate has the likely ones. The
+    comparison of replicates is repeated beside the best candidate.
     """
     engine = base.engine
     own = {f.effect: f for f in zeros.at_rest(engine) + faults.at_limit(engine)}
@@ -140,7 +140,7 @@ def by_prediction(base: Baseline) -> Judgement:
         return [f.piece for f in own.values() if f.likely]
 
     def ask(found: Fit) -> bool:
-        """Whether replicates show one more likely fault that predicts better."""
+        """Return whether replicates show another likely fault that predicts better."""
         new = [
             fault
             for fault in replicates.stand_out(engine, found)
@@ -217,10 +217,10 @@ def _fits(fine: Engine, base: Baseline, decision: Decision) -> tuple[Fit, Fit]:
 
 
 def _noise_left(fine: Engine, best: Fit) -> tuple[list[Noise], float]:
-    """Noise in short windows of the best candidate's residual; RMS of all of it, MPa.
+    """Return the noise in short windows of the best residual, and its RMS, MPa.
 
-    The noise is an upper bound, at most that RMS: where samples lie far apart, windows
-    hold some of the misfit too.
+    The noise is an upper bound, at most that RMS. If samples lie far apart, windows
+    contain some of the misfit too.
     """
     residual: Array = fine.target - fine.run(best.guess, False)[0]
     parts, stress = fine.by_recording(residual), fine.data.stress_MPa

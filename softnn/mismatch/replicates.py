@@ -1,14 +1,16 @@
-"""Does a recording stand apart from its replicates?
+"""Which recordings differ from their replicates by a gap or a slip?
 
-Recordings of one programme go through the same, and what laws get wrong is the same in
-all of them; what one has alone, a gap or a slip, is not. So what a fit leaves of each
-is laid along the stretches between turning points, and its differences from the mean
-of the replicates are explained by gaps and slips of single recordings: a regression on
-the change that each would make, forward, as long as the odds grow. Zeros of recordings
-are free, and scales of the first loading, of what comes after, and of what is wrong in
-all of them. The differences that are left are normal, of any variance, with as many
-independent values as their spectrum says (Satterthwaite 1946, doi:10.2307/3002019), so
-that the odds are those of two regressions (Schwarz 1978, doi:10.1214/aos/1176344136).
+Replicates follow one programme, so errors of laws are equal in all of them; a gap or a
+slip in one recording is not. The residuals of replicates are compared point by point
+along the stretches between turning points. A regression explains their differences from
+the mean by gaps and slips of single recordings. Terms are added one by one while the
+odds grow.
+
+Free in each recording are its zero, the scale of first loading, the scale of later
+loading, and the scale of the shared error. The differences left over are normal with
+unknown variance. Their spectrum gives the number of independent values (Satterthwaite
+1946, doi:10.2307/3002019). The odds are those of two regressions (Schwarz 1978,
+doi:10.1214/aos/1176344136).
 """
 
 from __future__ import annotations
@@ -30,18 +32,18 @@ from softnn.mismatch.screen import bounds, pieces_at
 from softnn.mismatch.specimens import UNSAID, picked
 from softnn.state import turns
 
-BAND = 0.05  # of the range of strain: less is no turn
-LIKE = 0.15  # of the time, and of the strain, by which replicates may differ
-POINTS = 20  # at which a stretch is looked at
-SEEN = 1e-6  # of the stress, that a change must be
+BAND = 0.05  # of the range of strain; a smaller reversal is no turning point
+LIKE = 0.15  # relative difference in time and strain allowed between replicates
+POINTS = 20  # points compared along a stretch
+SEEN = 1e-6  # of the stress; a smaller change is not visible
 LARGER = (1.5, 2.0, 3.0, 5.0)  # times the first start: a kink moves with its size
-GRIPS = 0.01  # of the largest strain: what a strain of class 1 is off by, ISO 9513
-SPREADS = 2.0 ** np.arange(-2, 4)  # of what replicates differ by, over `GRIPS`
-APART = (0.03, 0.1, 0.3)  # of the largest strain: sizes of gaps and slips
+GRIPS = 0.01  # of the largest strain: error of an extensometer of class 1, ISO 9513
+SPREADS = 2.0 ** np.arange(-2, 4)  # spreads between replicates, relative to `GRIPS`
+APART = (0.03, 0.1, 0.3)  # sizes of gaps and slips, of the largest strain
 
 
 class Replicates:
-    """Recordings of one programme, and the points along which they are compared."""
+    """Groups of recordings of one programme, and the points where they are compared."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
@@ -59,7 +61,7 @@ class Replicates:
         self.groups = _like(turned)
 
     def along(self, recording: int, values: Array) -> Array:
-        """Values (valid, ...) of a recording at its points (points, ...)."""
+        """Return values (valid, ...) of a recording at its points (points, ...)."""
         time, at = self.times[recording], self.at[recording]
         mine = values[self.engine.owner == recording]
         after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
@@ -88,8 +90,8 @@ class Found:
 
 
 class Group:
-    """What is left of replicates, and what each start would change, both free of what
-    replicates may differ by."""
+    """Differences of replicates from their mean, and the change by each start; both
+    without the part that zeros and scales explain."""
 
     def __init__(
         self,
@@ -105,8 +107,8 @@ class Group:
             for values in (engine.target - stress, engine.target)
         )
         usual = measured.mean(axis=0)
-        fresh = np.arange(len(usual)) < POINTS  # and softened: specimens differ in both
-        alike = left.mean(axis=0)  # what is wrong scales with the specimen, too
+        fresh = np.arange(len(usual)) < POINTS  # fresh and softened stiffness both vary
+        alike = left.mean(axis=0)  # the shared error scales with the specimen, too
         own = [np.ones_like(usual), usual * fresh, usual * ~fresh, alike]
         self.free = span(np.column_stack(own))
         self.left = self._rid(left - alike)
@@ -120,7 +122,7 @@ class Group:
         return np.asarray(rows - (rows @ self.free) @ self.free.T)
 
     def column(self, term: Term) -> Array:
-        """The change (recordings, points) that a term makes in the differences."""
+        """Return the change (recordings, points) of the differences by a term."""
         i = self.recordings.index(term.recording)
         change = self.changes[term.effect][i, term.start]
         out = np.tile(-change / len(self.recordings), (len(self.recordings), 1))
@@ -130,9 +132,9 @@ class Group:
     def gains(
         self, effect: str, left: Array, low: Array, high: Array
     ) -> tuple[Array, Array]:
-        """Best multiple (recordings, starts) of a change of one recording alone.
+        """Return the best multiples (recordings, starts) and the squares they remove.
 
-        And the squares that it takes away.
+        Each is for a change of one recording alone.
         """
         changes = self.changes[effect]
         dot = np.einsum("rsp,rp->rs", changes, left)
@@ -141,7 +143,7 @@ class Group:
         return by, np.asarray(by * (2 * dot - by * size))
 
     def independent(self, left: Array) -> float:
-        """How many independent values the differences (recordings, points) have."""
+        """Return the number of independent differences among (recordings, points)."""
         power = (np.abs(np.fft.rfft(left, axis=1)[:, 1:]) ** 2).sum(axis=0)
         if not power.sum() > 0:
             return 0.0
@@ -150,7 +152,7 @@ class Group:
 
 
 class Regression:
-    """Differences between replicates, explained by effects of single recordings."""
+    """Regression of differences between replicates on effects of single recordings."""
 
     def __init__(self, engine: Engine, guess: Guess) -> None:
         self.engine, self.pieces = engine, dict[str, list[Piece]]()
@@ -169,7 +171,7 @@ class Regression:
         self.ends = {effect: bounds(pieces) for effect, pieces in self.pieces.items()}
 
     def forward(self, effects: frozenset[str]) -> Found:
-        """The terms of these effects that are most likely, added one by one."""
+        """Return the likeliest terms of these effects, added one by one."""
         best = Found((), np.zeros(0), 0.0)
         while more := self._next(best, effects):
             tried = self.fitted((*best.terms, more))
@@ -179,7 +181,7 @@ class Regression:
         return best
 
     def _next(self, found: Found, effects: frozenset[str]) -> Term | None:
-        """The term that takes away most, of recordings that have none of the kind."""
+        """Return the term that removes most, in recordings without this effect."""
         taken = {(t.effect, t.recording) for t in found.terms}
         best, most = None, 0.0
         for group, left in zip(self.groups, self.left(found), strict=True):
@@ -195,7 +197,7 @@ class Regression:
         return best
 
     def left(self, found: Found) -> list[Array]:
-        """The differences of each group without what the terms make of them."""
+        """Return the differences of each group, less the contribution of the terms."""
         out = []
         for group in self.groups:
             left = group.left.copy()
@@ -206,7 +208,7 @@ class Regression:
         return out
 
     def fitted(self, terms: tuple[Term, ...]) -> Found:
-        """The terms at their best sizes, and the odds of that."""
+        """Return the terms at their best sizes, with their odds."""
         sizes = np.zeros(len(terms))
         for group in self.groups:
             mine = [i for i, t in enumerate(terms) if t.recording in group.recordings]
@@ -233,13 +235,13 @@ class Regression:
         for effect in {t.effect for t in found.terms}:
             mine = [t for t in found.terms if t.effect == effect]
             law = self.pieces[effect][0].effect
-            # A moment is found to an interval: it is two numbers (`evidence.worth`).
+            # A moment counts as two parameters (`evidence.worth`).
             numbers = 2 * len(law.per_recording) - 1
             gain -= each * numbers * len(mine)
         return float(gain)
 
     def beyond(self, found: Found) -> Found:
-        """The terms that are more than strains are off by anyway."""
+        """Return the terms that exceed the usual error of a strain."""
         pairs = zip(found.terms, found.sizes, strict=True)
         large = [
             abs(self.size(t, s)) > GRIPS * reach(self.engine.chunks[t.recording])
@@ -249,11 +251,10 @@ class Regression:
         return replace(found, terms=terms, sizes=found.sizes[large])
 
     def faulty(self, found: Found, effect: str) -> float:
-        """Probability that the sizes of an effect are no scatter between specimens.
+        """Return the probability that sizes of an effect exceed scatter of specimens.
 
-        No two strips are gripped alike. So sizes are half-normal, with a spread that is
-        itself half-normal, of the scale `GRIPS`; or those of the terms have a size of
-        their own.
+        No two strips are gripped alike. Either all sizes are half-normal, with a
+        half-normal spread of scale `GRIPS`, or those of the terms have their own size.
         """
         reached = [reach(c) for c in self.engine.chunks]
         mine = {
@@ -287,13 +288,13 @@ class Regression:
         return float(expit(apart - density(None) - price))
 
     def size(self, term: Term, by: float) -> float:
-        """The amplitude of a term, `by` times its start."""
+        """Return the amplitude of a term, `by` times its start."""
         piece = self.pieces[term.effect][term.start]
         value = piece.values[piece.effect.amplitude][term.recording]
         return float(value * by)
 
     def piece(self, found: Found, effect: str) -> Piece:
-        """The effect with its values in the recordings that have it."""
+        """Return the effect with its values in the recordings that have it."""
         first = self.pieces[effect][0]
         law, values = first.effect, dict(first.values)
         for name in law.per_recording:
@@ -311,7 +312,7 @@ class Regression:
 
 
 def stand_out(engine: Engine, found: Fit) -> list[Fault]:
-    """What recordings have that their replicates have not, by what a fit leaves."""
+    """Return faults that recordings have and their replicates have not."""
     if not Replicates(engine).groups:
         return []
     guess, shared = _alike(found.guess)
@@ -323,7 +324,7 @@ def stand_out(engine: Engine, found: Fit) -> list[Fault]:
     for effect in sorted({t.effect for t in large.terms}):
         odds = best.odds - regression.forward(every - {effect}).odds
         piece = regression.piece(large, effect)
-        if effect in shared:  # and what all recordings have of it
+        if effect in shared:  # plus the part that all recordings share
             piece = _together(shared[effect], piece)
         chance = float(expit(odds)) * regression.faulty(large, effect)
         out.append(Fault(piece, chance))
@@ -331,12 +332,12 @@ def stand_out(engine: Engine, found: Fit) -> list[Fault]:
 
 
 def _half_normal(sizes: Array, spread: float) -> float:
-    """Log density (to a constant) of sizes of either sign taken as one."""
+    """Return the log density (to a constant) of sizes, both signs taken together."""
     return float(-(0.5 * (sizes / spread) ** 2 + np.log(spread)).sum())
 
 
 def own(law: Effect) -> bool:
-    """Whether an effect has a size in each recording that is no scale and no zero."""
+    """Return whether an effect has a size in each recording, not a scale or a zero."""
     return law.amplitude in law.per_recording and not (law.scatter or law.unmoved)
 
 
@@ -345,9 +346,9 @@ def _channels(data: Data) -> tuple[Sequence[Chunk], Sequence[Array]]:
 
 
 def _alike(guess: Guess) -> tuple[Guess, dict[str, Piece]]:
-    """The guess with no more of effects of single recordings than all of them have.
+    """Return the guess in which effects of recordings have their smallest size in all.
 
-    And those effects of which all have some.
+    Also returns these effects, if the smallest size is not zero.
     """
     pieces, shared = [], {}
     for piece in guess.pieces:
@@ -364,7 +365,7 @@ def _alike(guess: Guess) -> tuple[Guess, dict[str, Piece]]:
 
 
 def _together(all_have: Piece, more: Piece) -> Piece:
-    """What all recordings have of an effect, and what some have more."""
+    """Return the effect that all recordings share plus the excess of some of them."""
     name = more.effect.amplitude
     values = dict(all_have.values)
     for other in more.effect.per_recording:
@@ -374,7 +375,7 @@ def _together(all_have: Piece, more: Piece) -> Piece:
 
 
 def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
-    """Replicates: as many turns, after about as long, and at about the same strain."""
+    """Return replicates: recordings with turning points at like times and strains."""
     reach = max((float(np.ptp(x)) for _, x in turned.values()), default=0.0)
 
     def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
@@ -390,4 +391,4 @@ def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
             groups.append([r])
         else:
             group.append(r)
-    return [g for g in groups if len(g) >= FEWEST]  # of two, which is wrong?
+    return [g for g in groups if len(g) >= FEWEST]  # of two, either may be wrong
