@@ -147,7 +147,7 @@ def rival_of(
 
 
 def worse_by(one: Mapping[str, Any]) -> tuple[str, float] | None:
-    """Return the piecewise model that beats the network on unseen data, and by how much.
+    """Return the piecewise model better than the network on unseen data, and its lead.
 
     `one` is a material of the result file. None if no model is better by more than one
     standard error.

@@ -217,7 +217,7 @@ def made_with(found: Iterable[Result]) -> str:
 
 
 def summary(found: Iterable[Result]) -> str:
-    """Return a table, a row a material: the network for each use, and the best other."""
+    """Return a table, a row a material: network for each use, and the best other."""
     rows = []
     for file in found:
         for one in file["materials"]:
