@@ -27,6 +27,7 @@ class TensionOnly(Effect):
     )
     off = {"amount": 0.0}
     amplitude = "amount"
+    spoken = "buckling in compression"
     where = "where the simulation pushes"
     twins = {
         "permanent_set": "unloading to a small tension only",

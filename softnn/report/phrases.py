@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softnn.effects import EFFECTS
+
 
 def number(value: float | None) -> str:
     """Four digits, or a dash where there is no number."""
@@ -33,12 +35,15 @@ def sure(probability: float) -> str:
 
 
 def plain(name: str) -> str:
-    """The name of an effect as one would say it.
+    """Return the name of an effect, from its id, as a sentence has it.
 
-    >>> plain("mullins_softening")
-    'Mullins softening'
+    It fits into "NAME was left out". Other names are words with underscores.
+
+    >>> plain("mullins_softening"), plain("tension_only")
+    ('Mullins softening', 'buckling in compression')
     """
-    return name.replace("_", " ").replace("mullins", "Mullins")
+    spoken = {law.id: law.spoken for law in EFFECTS}
+    return spoken.get(name) or name.replace("_", " ").replace("mullins", "Mullins")
 
 
 def opened(text: str) -> str:
