@@ -307,9 +307,9 @@ def test_two_effects_of_new_specimens_and_whether_there_is_a_third():
     )
     assert result["summary"] == (
         "Mullins softening (97 %) was left out, and most likely permanent set (60 %). "
-        "With them, new specimens are predicted to 2 % instead of 12 % (noise 0.99 % "
-        "at most). Whether a third effect is there (perhaps inertia (20 %)), these "
-        "recordings cannot tell."
+        "With them, new specimens are predicted to 2 % instead of 12 % (noise 0.99 %, "
+        "from sample to sample). Whether a third effect is there (perhaps inertia "
+        "(20 %)), these recordings cannot tell."
     )
 
 

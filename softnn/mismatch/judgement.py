@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Piece, fit
 from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
-from softnn.mismatch.base import Baseline, live, weigh_by
+from softnn.mismatch.base import Baseline, weigh_by
 from softnn.mismatch.decision import (
     FEWEST,
     Decision,
@@ -27,7 +26,7 @@ from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import Posterior, Tried, posterior
 from softnn.mismatch.prediction import Candidate
 from softnn.mismatch.replicates import Replicates
-from softnn.noise import Noise, estimate
+from softnn.noise import Noise, quantum, white
 
 
 @dataclass(frozen=True)
@@ -217,19 +216,12 @@ def _fits(fine: Engine, base: Baseline, decision: Decision) -> tuple[Fit, Fit]:
 
 
 def _noise_left(fine: Engine, best: Fit) -> tuple[list[Noise], float]:
-    """Return the noise in short windows of the best residual, and its RMS, MPa.
+    """Return the white noise of each recording, and the RMS of the best residual, MPa.
 
-    The noise is an upper bound, at most that RMS. If samples lie far apart, windows
-    contain some of the misfit too.
+    No candidate reaches the noise, so the residual cannot show it. Differences between
+    neighbouring samples of the stress show it; the RMS of the residual is its limit.
     """
-    residual: Array = fine.target - fine.run(best.guess, False)[0]
-    parts, stress = fine.by_recording(residual), fine.data.stress_MPa
-    times = [c.time_s for c in fine.data.chunks]
-    noise = estimate(live(parts, fine.level), stress, times, False)
-    left = float(np.sqrt(np.mean(residual**2)))
-    every = zip(noise, stress, strict=True)
-    square = np.concatenate([n.sigma(s[np.isfinite(s)]) ** 2 for n, s in every])
-    less = min(1.0, left / max(float(np.sqrt(square.mean())), 1e-300))
+    left = float(np.sqrt(np.mean((fine.target - fine.run(best.guess, False)[0]) ** 2)))
     return [
-        replace(n, floor_MPa=less * n.floor_MPa, share=less * n.share) for n in noise
+        Noise(min(white(s), left), 0.0, quantum(s)) for s in fine.data.stress_MPa
     ], left
