@@ -50,6 +50,11 @@ ABOUT = (
     "This page is for those who want a network and ask which one. The first table has "
     "two answers for each material: for recordings you have, and for rates or "
     "specimens never seen. The best model that is no network stands beside each.",
+    "For a controller take the second answer, because a controller meets rates that "
+    "no test had. If the other model has the smaller error there, take that model. C "
+    "code exists for all of them but GRU and trees: "
+    "[controllers and FE codes](controllers.md). For a material of your own run "
+    '`make neurons ARGS="--data FOLDER"`.',
     "- FFRI1, FFRI2, FFRI3: feed-forward networks. Inputs: the strain now; FFRI2 adds "
     "the strain one lag before, FFRI3 that of two lags before.\n"
     "- FFRD4: a feed-forward network of the strain and its rate.\n"
