@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 
 
 class InputError(ValueError):
-    """Input that cannot be used, in one line: what came, what is allowed, what to do.
+    """Input that cannot be used. The message has the value, the allowed, and a fix.
 
-    Commands print it and exit with 2. `row` counts lines of the file from 1, as an
-    editor shows them.
+    Commands print it in one line and exit with 2. `row` counts lines of the file from
+    1, as an editor shows them.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ def increments(x: Array, before: ArrayLike) -> Array:
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """What was probably meant, to stand behind a name that is not allowed.
+    """Return a hint at the nearest allowed name, or "" if none is near.
 
     >>> nearest("mullin_softening", ["slack", "mullins_softening"])
     " (did you mean 'mullins_softening'?)"

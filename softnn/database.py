@@ -56,10 +56,10 @@ def made_aside(file: Path, make: Callable[[Path], None]) -> None:
 
 
 class Store:
-    """Finished rows by name, on disk as soon as they are known: what is gone on with.
+    """Finished rows by name, on disk at once, so that a stopped study can go on.
 
-    Use it as a context. Rows of other `code` than this are not seen. Raises
-    `InputError` for a file that is something else.
+    Use it as a context. Rows made by other `code` are ignored. Raises `InputError` for
+    a file that is something else.
     """
 
     def __init__(self, path: Path, code: str = "", fresh: bool = False) -> None:

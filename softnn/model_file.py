@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 VERSION = 1
 KIND, NETWORK = "softnn-model", "softnn-network"
 HISTORIES = ("fresh", "continued")
-LARGEST = 1e30  # of any number in a file: what is far beyond it is junk
+LARGEST = 1e30  # larger numbers in a file are junk
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ class Correction:
 
 @dataclass(frozen=True)
 class Stored:
-    """A model as stored: base, stiffnesses, effects, and what was learned, if anything.
+    """A stored model: base, stiffnesses, effects, and a learned correction or None.
 
     `own` holds, per effect and parameter, the values of single recordings by name.
-    `simulation` is the model that this one corrects, where that is a stored one too.
+    `simulation` is the stored model that this model corrects, or None.
     """
 
     units: Units
@@ -213,9 +213,9 @@ def to_dict(
 
 
 def read_model(path: str | Path) -> Stored | StoredNetwork:
-    """A model.json, or the file of a trained network.
+    """Return the model of a model.json, or of the file of a trained network.
 
-    Raises `InputError` naming what is wrong with it.
+    Raises `InputError` naming the fault of the file.
     """
     path = Path(path)
     try:

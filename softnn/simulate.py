@@ -139,7 +139,7 @@ def simulate(
         )
     every = []
     for term in terms:
-        term.effect.prepare(term.values)  # refuses what is not allowed
+        term.effect.prepare(term.values)  # raises on values out of range
         every.append(term.each(len(chunks)))
     out: list[Array] = []
     memory: Memory = {}

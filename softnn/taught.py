@@ -156,12 +156,12 @@ def simulated_by(model: Stored, recordings: Sequence[Recording]) -> list[Array]:
 def histories(
     model: Stored, span: Span, count: int, seed: int, factor: float = 1.0
 ) -> list[Recording]:
-    """Recordings of a model, its stress times `factor`, along histories of strain.
+    """Return recordings of a model, stress times `factor`, along histories of strain.
 
-    As many small as large ones, to a fifth beyond the strains of `span`: a network that
-    is held within its training answers no more torque to more strain beyond it, and a
-    controller that wants more pulls without end. Some of the way they go beyond rest to
-    the slack side, where a strip bears nothing.
+    There are as many small histories as large ones, up to a fifth beyond the strains of
+    `span`: a network held within its training range gives no more torque for more
+    strain, so a controller that wants more would pull without end. Some histories go
+    below rest to the slack side, where a strip bears nothing.
     """
     rng = np.random.default_rng([seed, 28])
     low, high = span.strains

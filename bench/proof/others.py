@@ -108,7 +108,8 @@ def missed(page: Page, faults: Mapping[str, Any]) -> None:
     page.say(
         "In some sets the corrected model of the original predicts left-out recordings "
         f"within {percent(faults['close'], 0)} of their range. There "
-        f"{share(close) or '-'} of {close['of']} faults were found. All faults that were missed:"
+        f"{share(close) or '-'} of {close['of']} faults were found. All faults that "
+        "were missed:"
     )
     for c in faults["copies"]:
         if not (c["found"] or c["there_before"]):

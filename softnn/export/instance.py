@@ -42,7 +42,7 @@ def _corrected(
 ) -> Instance:
     out = Instance(prefix)
     for value in (*model.stiffness, *model.units.knots, *model.units.relaxation_times):
-        literal(value)  # refuses what is no number
+        literal(value)  # raises on NaN and infinity
     if model.learned is not None:
         _unless_left_out("learned", options, out)
     members: list[str] = []

@@ -1,7 +1,7 @@
-"""What a network has been shown, and what it is asked beyond that.
+"""The training range of a network, and flags for inputs outside it.
 
-A network answers anything; outside its training the answer means nothing. Three things
-are told apart, sample by sample: strain, rate, and the direction of straining.
+A network answers any input; outside its training range the answer means nothing. Each
+sample is checked for three things: strain, rate, and the direction of straining.
 """
 
 from __future__ import annotations

@@ -21,14 +21,15 @@ from softnn.recording import Recording
 
 @dataclass(frozen=True)
 class Architecture:
-    """What stands in a row of inputs, in this order.
+    """The inputs of a network, in the order in which they stand in a row.
 
-    Strain at each of `lags` (in units of the lag time), the strain rate, the largest
-    strain so far, strain behind filters of `filters` lag times, strain of the springs
-    of Maxwell branches of `branches` lag times, the stress of a lag ago. `radial`:
-    Gaussian units in place of tanh; `recurrent`: gated ones, which go from sample to
-    sample; `bounded`: see `BoundedNetwork`; `convex`: see `ConvexNetwork`, whose units
-    need the time beside the strain.
+    They are: strain at each of `lags` (in units of the lag time), the strain rate, the
+    largest strain so far, strain behind filters of `filters` lag times, strain of the
+    springs of Maxwell branches of `branches` lag times, the stress of one lag ago.
+
+    `radial`: Gaussian units in place of tanh. `recurrent`: gated units, which run from
+    sample to sample. `bounded`: see `BoundedNetwork`. `convex`: see `ConvexNetwork`,
+    whose units need the time beside the strain.
     """
 
     lags: tuple[int, ...]
@@ -127,14 +128,14 @@ def samples(
     architecture: str = "FFRD4",
     lag_s: float | None = None,
 ) -> Samples:
-    """Inputs and targets of every sample that has both strain and stress.
+    """Return inputs and targets of every sample that has both strain and stress.
 
-    The thesis counts lags in samples, so that one network means different things at
-    different sampling; here a lag is a time, `lag_s` [s], one sampling step of the
-    recording by default (filters: `FILTER_S`). The strain rate [1/s] is the nominal
-    one for a tensile test (the thesis's choice) and the backward difference over one
-    lag otherwise; before the first sample the specimen is at rest. Stress fed back is
-    the measured one, as a load cell would give it.
+    The thesis counts lags in samples, so one network means different things at
+    different sampling. Here a lag is a time, `lag_s` [s]: one sampling step of the
+    recording by default (filters: `FILTER_S`). The strain rate [1/s] of a tensile test
+    is the nominal one, as in the thesis; otherwise it is the backward difference over
+    one lag. Before the first sample the specimen is at rest. Stress fed back is the
+    measured stress, as a load cell would give it.
     """
     row = architecture_of(architecture)
     if lag_s is not None and not (np.isfinite(lag_s) and lag_s > 0):

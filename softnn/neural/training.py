@@ -212,10 +212,9 @@ def train(
     inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
     Normalisation is that of the training samples alone. With `starts` above 1 the best
     of that many starts, by log evidence on the summary of the samples, is trained on.
-    On a CPU the same seed gives the same network, whatever else is in the batch; on
-    another `device` (see `device_of`) rounding is its own.
-    `threads` at work, one a core by default; where processes share the cores one is
-    best.
+    On a CPU the same seed gives the same network, alone or in a batch. On another
+    `device` (see `device_of`) rounding differs. `threads`: one a core by default; take
+    one where processes share the cores.
     """
     inputs, target = np.asarray(inputs, float), np.asarray(target, float)
     _check(inputs, target, neurons, train_mask, seeds, starts)

@@ -1,7 +1,7 @@
 """A diagnosis as one HTML page that opens with no server and no network.
 
-`page` says what stands on it, out of diagnosis.json alone; `where` puts regions into
-words, `phrases` numbers and names, `picture` packs the curves; `report.html`,
+`page` makes its content from diagnosis.json alone. `where` puts regions into words,
+`phrases` numbers and names, and `picture` packs the curves. `report.html`,
 `index.html`, `style.css` and `picture.js` are its looks.
 """
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from softnn.search import Search
 
 Value = int | float | str
-# What is minimised, one number or one an objective, and all there is to keep.
+# The objective (one number, or one for each objective), and the result to keep.
 Result = tuple[float | Sequence[float], dict[str, Any]]
 When = Mapping[str, Callable[[Mapping[str, Any]], bool]]
 Objective = Callable[[dict[str, Any]], Result]

@@ -1,4 +1,4 @@
-"""Which network of a sweep is taken, what stands beside it, how to train it again."""
+"""The choice of a network from a sweep, its rivals, and how to train it again."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def entries_of(
 
 
 def configuration(best: Finished, settings: Settings) -> dict[str, Any]:
-    """What is needed to train the best network again, and what it then reaches."""
+    """Return the settings to train the best network again, and its errors."""
     wanted = replace(settings, neurons=(best.parameters["neurons"],))
     return {
         "settings": asdict(wanted),

@@ -1,4 +1,4 @@
-"""What piecewise-linear models foretell of a rate that was left out."""
+"""Predictions of a left-out rate by piecewise-linear models."""
 
 from __future__ import annotations
 

@@ -51,15 +51,15 @@ class Data:
 
 
 def prepared(settings: Settings) -> list[Data]:
-    """The data of every material asked for.
+    """Return the data of every material asked for.
 
     Virtual specimens are prepared as in thesis 4.3.1.1 and resampled to as many points
-    as they were recorded with, so that the training set has the size of Table 6.2. Of
-    real recordings the networks see, like the thesis's, the first loading only: tensile
-    tests prepared in the same way, others up to their largest strain; each at equal
-    strain steps, with `MOST_SAMPLES` at most. With `cycles` they see all of the
-    recordings that unload (`whole`), and no others. A material of which no recording
-    can be used so is left out, and so is a component, which has no stress.
+    as they were recorded with, so the training set has the size of Table 6.2. Of real
+    recordings the networks see the first loading only, as in the thesis. Tensile tests
+    are prepared in the same way, others are cut at their largest strain. Each has equal
+    strain steps, with `MOST_SAMPLES` at most. With `cycles` the networks see all of the
+    recordings that unload (`whole`), and no others. A material without a usable
+    recording is left out, and so is a component, which has no stress.
     """
     if settings.data == "virtual":
         if settings.cycles:

@@ -275,7 +275,7 @@ def track(name: str, work: Work, case: Case, found: Mapping[str, Any]) -> None:
 
 
 def without_trials(found: Mapping[str, Any]) -> dict[str, Any]:
-    """What goes into the result file: no trials, no text, nothing for the figure."""
+    """Return the part for the result file: no trials, no text, nothing for figures."""
     return {k: v for k, v in found.items() if k not in ("trials", "text", "drawn")}
 
 

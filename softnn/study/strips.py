@@ -153,7 +153,7 @@ def stride(seconds: float) -> tuple[Array, Array]:
 
 
 def errors(found: Walk, goal: Array) -> Row:
-    """Torque against what was wanted, over the largest wanted; and the model's part."""
+    """Return the torque error over the largest torque wanted, and the model's part."""
     off = (found.torque_Nm - goal) / TORQUE_Nm
     blind = (found.torque_Nm - found.estimate_Nm) / TORQUE_Nm
     return {
