@@ -62,7 +62,11 @@ ABOUT = (
     "the filtered past (FFH4: two filters; FFH7: five Maxwell branches).\n"
     "- GRU: a gated recurrent network.\n"
     "- PL: a piecewise-linear spring with one branch (PL-SLS) or several "
-    "(PL-Wiechert).",
+    "(PL-Wiechert).\n"
+    "- bayesian, early-stopping, L2 with its weight: the regularisation of a network.\n"
+    "- lag: the time between two inputs of a network, or of its filters.\n"
+    "- random folds: samples left out at random. Unseen: whole rates, or recordings if "
+    "a material has one rate.",
 )
 JUDGED = (
     "Random folds put neighbours in time of one specimen on both sides, so they "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -157,7 +158,7 @@ def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
-    axes.set_title(one["label"], fontsize=8)
+    axes.set_title(fill(one["label"], 42), fontsize=8)
     axes.set_xlabel("NRMSE by random folds [%]")
     axes.set_ylabel(f"NRMSE {WORDS[one['unseen']]} [%]")
     axes.grid(color=FAINT, alpha=0.25, linewidth=0.6, which="both")
