@@ -415,3 +415,15 @@ def test_faults_of_single_replicates_are_named_beside_softening():
     assert "mullins_softening" in found.selected
     told = {e["effect"]: e for e in found.result["explanations"]}
     assert told["slack"]["recordings"] == ["s1"]
+
+
+@pytest.mark.slow
+def test_replicates_nobody_named_are_specimens_unless_somebody_says_otherwise():
+    strips = [
+        replace(strip, stress_MPa=(1 + 0.1 * i) * strip.stress_MPa)
+        for i, strip in enumerate(bent_strips(0.4, (0.7,) * 4))
+    ]
+    alike = [replace(strip, specimen="one") for strip in strips]
+    several, one = (diagnose(every, "hooke").result["fit"] for every in (strips, alike))
+    assert (several["heldout_by"], one["heldout_by"]) == ("specimen", "recording")
+    assert several["after"]["heldout_nrmse"] < 0.5 * one["after"]["heldout_nrmse"]

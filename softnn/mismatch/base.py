@@ -30,13 +30,17 @@ STILL = 1e-9  # of the largest stress; a channel that varies less is not live
 
 @dataclass
 class Baseline:
-    """The best fit of the base, the engine that simulates it, and the noise."""
+    """The best fit of the base, the engine that simulates it, and the noise.
+
+    `said`: whether the recordings have labels of specimens.
+    """
 
     engine: Engine
     fit: Fit
     noise: list[Noise]
     name: str  # the base, or "simulated"
     fixed: bool
+    said: bool = False
 
 
 def usable(case: Case, samples: int) -> Case:
@@ -51,8 +55,10 @@ def start(case: Case, model: str | None = None) -> Baseline:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
     model = model or case.model
     if data.simulated_MPa is not None and model is None:
-        return given(data, data.simulated_MPa, case.groups(), fine)
-    return baseline(data, model or DEFAULT, case.groups(), fine)
+        found = given(data, data.simulated_MPa, case.groups(), fine)
+    else:
+        found = baseline(data, model or DEFAULT, case.groups(), fine)
+    return replace(found, said=bool(case.specimen) or case.history == "continued")
 
 
 def units_for(name: str, data: Data, segments: int = 16) -> Units:

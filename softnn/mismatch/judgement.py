@@ -14,7 +14,7 @@ import numpy as np
 from softnn.fit import Engine, Fit, Piece, fit
 from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
-from softnn.mismatch.base import Baseline, weigh_by
+from softnn.mismatch.base import Baseline, scatter, weigh_by
 from softnn.mismatch.decision import (
     FEWEST,
     Decision,
@@ -25,7 +25,7 @@ from softnn.mismatch.decision import (
 from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import Posterior, Tried, posterior
 from softnn.mismatch.prediction import Candidate
-from softnn.mismatch.replicates import Replicates
+from softnn.mismatch.replicates import Replicates, are_specimens
 from softnn.noise import Noise, quantum, white
 
 
@@ -129,10 +129,13 @@ def by_likelihood(found: Search) -> Judgement:
 def by_prediction(base: Baseline) -> Judgement:
     """Judge where no candidate explains the recordings down to the noise.
 
-    Faults of single recordings come first: every candidate has the likely ones. The
-    comparison of replicates is repeated beside the best candidate.
+    Without labels, replicates whose stress differs by a factor each are different
+    specimens. Faults of single recordings come next: every candidate has the likely
+    ones. The comparison of replicates is repeated beside the best candidate.
     """
     engine = base.engine
+    if not base.said and are_specimens(engine):
+        base = _each_of_its_own(base)
     own = {f.effect: f for f in zeros.at_rest(engine) + faults.at_limit(engine)}
 
     def pieces() -> list[Piece]:
@@ -205,6 +208,14 @@ def by_prediction(base: Baseline) -> Judgement:
         after,
         "prediction",
     )
+
+
+def _each_of_its_own(base: Baseline) -> Baseline:
+    """Return the base with a scale for each recording, as a specimen of its own."""
+    count = len(base.engine.chunks)
+    each = scatter(count, [(r,) for r in range(1, count)])
+    guess = replace(base.fit.guess, pieces=(*base.fit.guess.pieces, each))
+    return replace(base, fit=fit(base.engine, guess, fixed_base=base.fixed))
 
 
 def _fits(fine: Engine, base: Baseline, decision: Decision) -> tuple[Fit, Fit]:
