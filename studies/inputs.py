@@ -104,7 +104,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             tags={"best": best},
         )
         entries = [trial_entry(t) for of in trials.values() for t in of.values()]
-        told = sweep.told(headline, trials=entries)
+        told = sweep.entry(headline, trials=entries)
     print(f"\n{data.label}: best {best}\n\n{text}\n")
     if sweep.from_store():
         print(sweep.from_store())

@@ -100,7 +100,7 @@ def searched(
         headline = headline_of(tried, best, anew) | {"take_unseen": takes["model"]}
         for row in rest.rows:
             sweep.beside(row, judge.unseen)
-        found = sweep.told(
+        found = sweep.entry(
             headline,
             samples=sum(map(len, data.tensile)),
             unseen=judge.unseen,

@@ -327,8 +327,8 @@ class Sweep:
             about,
         )
 
-    def told(self, headline: Mapping[str, Any], **more: Any) -> dict[str, Any]:
-        """What the result file keeps of this material; asked while it is open."""
+    def entry(self, headline: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+        """Return the entry of this material for the result file, while it is open."""
         return {
             "material": self.data.material,
             "label": self.data.label,

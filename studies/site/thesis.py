@@ -214,7 +214,7 @@ def piecewise() -> str:
                     ]
                 )
     fitted = "springs and branches fitted to all rates together"
-    apart = "each rate foretold from the others"
+    apart = "each rate predicted from the others"
     return _chapter(
         piecewise.__doc__,
         "A spring whose stiffness is a step function of strain, beside one Maxwell "
