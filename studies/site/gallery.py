@@ -21,14 +21,14 @@ from studies.site import maths
 from studies.site.chart import Curve, chart
 
 TITLE = "What effects look like"
-# A soft rubber that stands compression too: stiffer with strain, two branches.
+# A soft rubber that bears compression too: stiffer with strain, two branches.
 MATERIAL = Units("pl-wiechert", (-1.0, 0.0, 0.4, 1.0), (0.3, 5.0))
 STIFFNESS_MPa = np.array([0.8, 0.9, 1.4, 0.5, 0.4])
 WARMING_C = 20.0  # over a recording, where an effect needs it
 STAGES = {
-    "rig": "the rig: what reaches the specimen",
-    "material": "the material: how it answers",
-    "sensor": "the sensor: what is written down",
+    "rig": "the rig: they change the strain of the specimen",
+    "material": "the material: they change its stress",
+    "sensor": "the sensor: they change the recorded stress",
 }
 LOOKS = ("second", "third", "fourth")
 
@@ -48,12 +48,13 @@ def pages() -> dict[str, str]:
 def _index() -> str:
     text = [
         f"# {TITLE}",
-        "Each effect is simulated on the recording that tells it best, its *telltale*, "
-        "with and without it. Its confounders are what it is mistaken for; beside each "
-        "stands what tells them apart.",
+        "This page is for those who look at a curve and ask what it shows. Each effect "
+        "is simulated with and without, on the recording that shows it best. Its page "
+        "has the equation, the effects that look alike, and the recording that "
+        "separates them.",
     ]
     for stage, what in STAGES.items():
-        text.append(f"## Of {what}")
+        text.append(f"## Effects of {what}")
         for law in (e for e in EFFECTS if e.stage == stage):
             first = (inspect.getdoc(type(law)) or "").split("\n", 1)[0]
             text += [
@@ -75,7 +76,7 @@ def _page(law: Effect) -> str:
         "## What it is mistaken for",
         _confounders(law, others),
         table(
-            ["effect", "alike here", "told apart by"],
+            ["effect", "alike here", "separated by"],
             [
                 [
                     f"[{plain(t)}]({t}.md)",
@@ -86,10 +87,11 @@ def _page(law: Effect) -> str:
             ],
         )
         if law.twins
-        else "Nothing that is known here.",
-        "Alike: how much of what this effect changes on its telltale the other one "
-        "takes up there, scaled to fit, before any stiffness is refitted. At 100 % "
-        "this recording cannot tell them apart; the last column says which can."
+        else "No other effect on softnn's list.",
+        "*Alike here*: the share of this effect's change of stress that the other "
+        "effect explains on this recording, scaled to fit, before any stiffness is "
+        "refitted. At 100 % this recording cannot separate them; the last column "
+        "names one that can."
         if law.twins
         else "",
         "## Parameters",
