@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from softnn.axes import SPECIMEN, Axes
+from softnn.axes import SPECIMEN, Axes, Axis
 from softnn.mismatch import words
 from softnn.mismatch.case import Case
 from softnn.recording import Recording
@@ -493,3 +493,11 @@ def test_axe_finds_no_fault(opened, scheme):
     page.emulate_media(color_scheme=scheme)
     found = axe.Axe().run(page)
     assert [v["id"] for v in found.response["violations"]] == []
+
+
+def test_hundreds_of_cycles_that_share_a_mismatch_are_one_sentence():
+    one = {"branch": "unloading", "sign": "simulation too stiff", "recording": "a"}
+    one |= {"strain": [0.1, 0.5], "share": 0.003}
+    assert sentences(
+        [one | {"cycle": c} for c in range(300)], 1, Axis("strain", "-")
+    ) == ["Unloading of cycles 0-299, strain 0.1 to 0.5: 90 % (simulation too stiff)."]

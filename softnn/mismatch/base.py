@@ -179,8 +179,9 @@ def given(
 
 def beyond(data: Data, simulated: Sequence[Array], stand_in: Guess) -> Engine:
     """Return an engine that adds the part of a simulation that its stand-in lacks."""
-    plain = Engine(data)
-    plain.valid = np.ones_like(plain.valid)  # every sample needs a stress
+    # The simulation counts at every sample, also where no stress was measured.
+    whole = tuple(np.nan_to_num(s) for s in data.stress_MPa)
+    plain = Engine(replace(data, stress_MPa=whole))
     stress, _ = plain.run(replace(stand_in, pieces=()), False)
     by = np.split(stress, data.starts[1:-1])
     return Engine(data, remainder=[s - m for s, m in zip(simulated, by, strict=True)])
