@@ -28,7 +28,7 @@ class TensionOnly(Effect):
     off = {"amount": 0.0}
     amplitude = "amount"
     spoken = "buckling in compression"
-    where = "where the simulation pushes"
+    where = "in compression"
     twins = {
         "permanent_set": "unloading to a small tension only",
         "slack": "a first loading from zero",

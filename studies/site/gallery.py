@@ -1,4 +1,4 @@
-"""A page an effect: its telltale recording with and without it, and its confounders."""
+"""A page for each effect: with and without it, and the effects that look alike."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _page(law: Effect) -> str:
         ),
     ]
     if law.second_forms:
-        text.append("## Other forms of it")
+        text.append("## Other forms")
         for other in law.second_forms:
             text.append(f"### {other.form}")
             text.append(maths.markdown(inspect.getdoc(type(other)) or ""))
@@ -137,7 +137,7 @@ def clean(name: str) -> Array:
 def changed(name: str, on: str) -> Array:
     """Stress (n,) [MPa] with the effect `name` on the telltale of the effect `on`.
 
-    Of the size at which a search begins, as clear as recordings show it.
+    The effect has the size at which a search begins.
     """
     law, chunk = effect(name), telltale(effect(on))
     scales = Data(("",), (chunk,), (clean(on),)).scales()
@@ -147,9 +147,9 @@ def changed(name: str, on: str) -> Array:
 
 
 def alike(law: Effect, other: Effect) -> float | None:
-    """Share of what `law` changes that `other`, scaled, takes up; None: it does none.
+    """Return the share of the change by `law` that `other`, scaled, explains.
 
-    Both on the telltale of `law`.
+    Both act on the telltale of `law`. None if one of them changes nothing there.
     """
     own, its = (changed(e.id, law.id) - clean(law.id) for e in (law, other))
     if not (own @ own > 0 and its @ its > 0):
@@ -182,7 +182,7 @@ def _with_and_without(law: Effect) -> str:
 
 
 def _confounders(law: Effect, others: list[str]) -> str:
-    """What the effect changes, and what up to two others change, scaled to it."""
+    """Return a chart of the change by the effect, and by up to two others, scaled."""
     if not others:
         return ""
     time, own = telltale(law).time_s, changed(law.id, law.id) - clean(law.id)
@@ -196,5 +196,5 @@ def _confounders(law: Effect, others: list[str]) -> str:
         curves,
         "time [s]",
         "change of stress [MPa]",
-        f"What {plain(law.id)} changes, and its confounders",
+        f"Change of stress by {plain(law.id)}, and by effects that look alike",
     )

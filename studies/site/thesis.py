@@ -21,9 +21,8 @@ from studies.shown import properties, realtime, tendon
 RESULTS = Path(__file__).parents[1] / "results"
 PL = ("PL-SLS", "PL-Wiechert")
 CAUTION = (
-    "*Published* is as printed; *found* is of virtual specimens, made up to be like "
-    "the published ones, never of the recordings behind the thesis, which were not "
-    "published."
+    "*Published*: as printed in the thesis. *Found*: on virtual specimens that imitate "
+    "the published ones. The recordings behind the thesis were never published."
 )
 
 
