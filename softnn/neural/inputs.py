@@ -1,4 +1,4 @@
-"""Input architectures: those of the thesis (Table 6.3), and what it left to others."""
+"""Input architectures: those of the thesis (Table 6.3), and those it suggests."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ class Architecture:
 
     @property
     def lagged(self) -> bool:
-        """Whether the lag time matters whatever the recording."""
+        """Whether the lag time matters for every recording."""
         return len(self.lags) > 1 or bool(self.filters + self.branches) or self.feedback
 
     @property
     def network(self) -> type[Network]:
-        """What a network of these inputs is."""
+        """The class of a network with these inputs."""
         if self.radial:
             return RadialNetwork
         if self.recurrent:
@@ -100,11 +100,11 @@ FILTER_S = 1.0  # shortest filter where no lag is given: tests last 5 s to minut
 
 @dataclass(frozen=True)
 class Samples:
-    """A training set: inputs (n, d), target stress (n,) in MPa, and whose they are.
+    """A training set: inputs (n, d), target stress (n,) in MPa, and their recordings.
 
     `recording` (n,) is an index into the recordings, `position` (n,) one into the
-    samples of that recording; `names` (d,) are the columns. `lag_s` is the lag time,
-    or None where each recording's own step was used.
+    samples of that recording; `names` (d,) are the columns. `lag_s` is the lag time, or
+    None if each recording's own step was used.
     """
 
     inputs: Array
@@ -164,7 +164,7 @@ def samples(
 
 
 def architecture_of(name: str) -> Architecture:
-    """The architecture of a name; `InputError` for any other."""
+    """Return the architecture of a name. Raises `InputError` for an unknown name."""
     every = ARCHITECTURES | HISTORIES
     if name not in every:
         raise InputError(f"architecture is {name!r}; allowed is {', '.join(every)}")
@@ -174,7 +174,7 @@ def architecture_of(name: str) -> Architecture:
 def columns(
     recording: Recording, architecture: str, lag_s: float | None = None
 ) -> Array:
-    """Inputs (n, d) that follow from the strain alone: all but a stress fed back."""
+    """Return the inputs (n, d) that follow from the strain: all but fed-back stress."""
     row = architecture_of(architecture)
     found = [_lagged(recording, lag, lag_s) for lag in row.lags]
     if row.rate:

@@ -10,21 +10,21 @@ from softnn.effects import EFFECTS
 
 
 def number(value: float | None) -> str:
-    """Four digits, or a dash where there is no number."""
+    """Return four digits, or a dash if there is no number."""
     if value is None or not np.isfinite(value):
         return "-"
     return f"{value:.4g}"
 
 
 def percent(value: float | None) -> str:
-    """A fraction in per cent, two digits."""
+    """Return a fraction in per cent, two digits."""
     if value is None or not np.isfinite(value):
         return "-"
     return f"{100 * value:.0f} %" if value >= 0.1 else f"{100 * value:.2g} %"
 
 
 def sure(probability: float) -> str:
-    """A probability as a text has it; never 0 or 100 %.
+    """Return a probability for a text; never 0 or 100 %.
 
     >>> sure(0.9996), sure(0.934), sure(0.002)
     ('over 99 %', '93 %', 'under 1 %')
@@ -47,12 +47,12 @@ def plain(name: str) -> str:
 
 
 def opened(text: str) -> str:
-    """A text with a capital letter, to begin a sentence with."""
+    """Return the text with a capital letter, to begin a sentence."""
     return text[:1].upper() + text[1:]
 
 
 def listed(words: Sequence[str]) -> str:
-    """Words in a row.
+    """Return words joined by commas and "and".
 
     >>> listed(["slack", "grip slip", "inertia"])
     'slack, grip slip and inertia'
