@@ -1,4 +1,4 @@
-"""Cross-validation: which samples are held out together, and how well they come back.
+"""Cross-validation: which samples are held out together, and their prediction errors.
 
 Random folds, the thesis's, put neighbours in time of one specimen on both sides: they
 measure interpolation. Folds by specimen and by rate hold out all of one.

@@ -21,7 +21,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-# Read when mlflow is imported: no study tells anybody that it has been run.
+# Read when mlflow is imported: no study reports its use to anybody.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
@@ -258,7 +258,7 @@ class Tracker:
         )
 
     def _described(self, name: str) -> str:
-        """What a registered model is: its recordings, and what each alias is for."""
+        """Return a description of a registered model: its recordings and aliases."""
         model = self._client.get_registered_model(name)
         lines = [
             f"Networks for {name}: stress [MPa] of a strain history, trained on "

@@ -1,4 +1,4 @@
-"""Material cards for Abaqus and Ansys, and what a card cannot carry, written into it.
+"""Material cards for Abaqus and Ansys; each states the effects that it lacks.
 
 Both codes let one curve, the instantaneous one, relax by a Prony series: a branch
 stands in proportion to the spring at every strain. Here branches are linear and the

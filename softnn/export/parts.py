@@ -1,4 +1,4 @@
-"""What the C of any model has: options, its texts, its struct."""
+"""Common parts of the C of all models: options, texts, struct."""
 
 from __future__ import annotations
 

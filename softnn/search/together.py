@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from softnn.search import Search
 
 SLOT = "slot"
-DEATHS = 3  # of one slot, after which it is the trial that kills
+DEATHS = 3  # of one slot; after so many the trial itself is to blame
 PAUSE_S = 0.5  # between looks at what others are doing
 OPEN = (TrialState.WAITING, TrialState.RUNNING, TrialState.COMPLETE)
 

@@ -96,7 +96,7 @@ def guarded(work: Callable[[], None]) -> int:
 
 @contextmanager
 def killed_as_by_ctrl_c() -> Iterator[None]:
-    """So that a command which a study has started ends with it."""
+    """Make a command that a study has started end with the study."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -140,17 +140,17 @@ def _interrupt() -> None:
 
 
 def runs_folder(smoke: bool = False) -> Path:
-    """Where runs and what can be gone on with lie."""
+    """Return the folder of runs and of stores that a stopped study goes on from."""
     return RUNS / "smoke" if smoke else RUNS
 
 
 def results_folder(smoke: bool = False, publish: bool = False) -> Path:
-    """Where results go: into the project if they are published, else among the runs."""
+    """Return the folder of results: of the project if published, else of the runs."""
     return RESULTS if publish and not smoke else runs_folder(smoke) / "results"
 
 
 def database(given: str | None, smoke: bool, name: str = "mlflow") -> str:
-    """The address given, or that of NAME.db where runs lie."""
+    """Return the address given, or that of NAME.db in the folder of runs."""
     return given or f"sqlite:///{(runs_folder(smoke) / name).as_posix()}.db"
 
 
@@ -259,7 +259,7 @@ def running_study() -> str | None:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what a result depends on."""
+    """Return the versions of the packages that a result depends on."""
     found = {"python": platform.python_version(), "softnn": softnn.__version__}
     for package in PACKAGES:
         try:
@@ -277,7 +277,7 @@ def fingerprint(content: Any, *, files: Iterable[Path] = ()) -> str:
 
 
 def code_of(files: Iterable[Path]) -> str:
-    """A short hash of what Python files do: no remark, layout or docstring counts.
+    """Return a short hash of the code in files; comments and docstrings do not count.
 
     It keys the stores that a stopped study goes on from, and nothing else.
     """
@@ -298,7 +298,7 @@ def _tree(file: Path, _changed: int) -> bytes:
 
 
 def package_files() -> list[Path]:
-    """The files of softnn on which results depend: not those that only show them."""
+    """Return the files of softnn that results depend on, not those that show them."""
     package = Path(softnn.__file__).parent
     return [
         f

@@ -17,7 +17,7 @@ from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
 from softnn.study.settings import MOST_SAMPLES, Settings, one_of, slug
 
-UNLOADED = 0.5  # of the largest strain: a recording that comes back so far unloads
+UNLOADED = 0.5  # of the largest strain; a recording that returns below it unloads
 LOADED = 0.995  # of the largest strain: the first loading is over
 
 
@@ -37,7 +37,7 @@ class Data:
 
     @property
     def label(self) -> str:
-        """How the data are to be called wherever a figure of them is shown."""
+        """The name of the data beside every figure of them."""
         kind = "virtual specimens" if self.is_virtual else f"recordings {self.source}"
         return f"{self.material}, {kind}" + ", whole cycles" * self.cycles
 
@@ -132,7 +132,7 @@ def first_loading(recording: Recording, most: int) -> Recording:
 
 
 def unloads(recording: Recording) -> bool:
-    """Whether the strain comes back from its largest by more than half of it."""
+    """Return whether the strain returns to less than half of its largest value."""
     size = np.abs(recording.strain[np.isfinite(recording.strain)])
     if not len(size) or not size.max() > 0:
         return False

@@ -23,7 +23,7 @@ COLUMNS = ("low", "high", "group_low", "group_high", "study")
 
 @dataclass(frozen=True)
 class Area:
-    """What one study says of one group: `low` to `high`, for the group's own range."""
+    """The range of one study for one group: `low` to `high`."""
 
     low: float
     high: float

@@ -1,4 +1,4 @@
-"""What strips are taken for in a controller, what that costs, and how it walks."""
+"""Models of strips in a controller: their accuracy, their time, and a walk."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Row = dict[str, Any]
 
 @dataclass
 class VirtualStrip:
-    """The mean virtual specimen, step by step: what the strips are."""
+    """The mean virtual specimen, step by step; it stands for the real strips."""
 
     def __post_init__(self) -> None:
         self.law, self.one = virtual.calibration(NAME), virtual.Specimen()

@@ -254,7 +254,7 @@ class Sweep:
         )
 
     def _again(self, trial: Finished) -> dict[str, Any]:
-        """What `softnn.study.rerun` needs to do a trial again."""
+        """Return the settings that `softnn.study.rerun` needs to repeat a trial."""
         parameters = trial.result.get("configuration", trial.parameters)
         if "weight" in parameters:
             how = f"l2={parameters['weight']!r}"
@@ -428,7 +428,7 @@ def describe(parameters: Mapping[str, Any]) -> str:
 
 @cache
 def _code() -> tuple[Path, ...]:
-    """The files whose change would change a trial's result, data apart."""
+    """Return the code files that a trial's result depends on."""
     package = Path(softnn.__file__).parent
     network = [
         f for f in sorted((package / "neural").glob("*.py")) if f.stem not in AFTER

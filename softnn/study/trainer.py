@@ -65,7 +65,7 @@ class Trainer:
         return self._samples[key]
 
     def chosen(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """All of a configuration: settings stand where parameters are mute."""
+        """Return the whole configuration: settings fill in for missing parameters."""
         chosen = asdict(self.settings) | dict(parameters)
         return chosen | {"folds_seed": chosen.get("folds_seed", self.settings.seed)}
 
