@@ -150,7 +150,7 @@ def weighed(
 
 
 def stacked(said: Array, measured: Array) -> Array:
-    """Return weights (m,), non-negative, of sum 1, that fit columns (n, m) best to (n,).
+    """Return non-negative weights (m,) of sum 1 that fit columns (n, m) best to (n,).
 
     >>> stacked(np.array([[1.0, 3.0], [1.0, 3.0]]), np.array([2.0, 2.0])).round(3)
     array([0.5, 0.5])
