@@ -112,8 +112,9 @@ def strangers_sentence(trial: Result) -> str:
     with_law, without = (f"{share(a)} of {a['of']}" for a in apart)
     return (
         f"At strength {strength_of(trial):g}, an effect that is not on softnn's list "
-        f"should get no name. It got none in {without}. For some kinds softnn has a "
-        f"law by now ({', '.join(WITH_LAWS)}): {with_law}."
+        "should get no name. Kinds for which softnn has a law by now "
+        f"({', '.join(WITH_LAWS)}) got none in {with_law} cases, other kinds in "
+        f"{without}."
     )
 
 
