@@ -332,7 +332,7 @@ def test_bases_stand_in_one_order_whichever_ran_last():
 def test_lists_of_equivalents_are_told_where_something_is_named():
     some = {"rate": 0.25, "of": 8}
     told = limits.lists_sentence({"with_a_list": some, "mean_length": 0.5})
-    assert "empty in 75 % of 8 cases, of 0.5 effects" in told
+    assert "empty in 75 % of 8 cases and has 0.5 effects" in told
     none = {"rate": None, "of": 0}
     assert limits.lists_sentence({"with_a_list": none, "mean_length": None}) == ""
 
