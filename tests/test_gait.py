@@ -14,8 +14,8 @@ from softnn.study.ranges import (
     outline,
     published,
     spread,
+    studies_of,
     supported,
-    who,
 )
 from studies import gait
 
@@ -45,7 +45,7 @@ def test_agrees_with_counting_point_by_point():
         ends = np.sort(np.clip([*ends, query.low, query.high], query.low, query.high))
         groups = (ends[1:] + ends[:-1])[np.diff(ends) > 0] / 2
         for value in rng.uniform(0, 10, 40):
-            least = min(len(who(areas, g, value)) for g in groups)
+            least = min(len(studies_of(areas, g, value)) for g in groups)
             inside = any(a < value < b for a, b in ranges)
             assert inside == (least >= query.studies)
 

@@ -35,7 +35,7 @@ from softnn.start import start
 
 
 class Chosen:
-    """Columns of one table by what they are; what was used collects as it goes."""
+    """Columns of one table by their quantity; keeps a list of those that were used."""
 
     def __init__(
         self,
