@@ -14,11 +14,12 @@ from softnn.contracts import Array, InputError
 from softnn.readers.clocks import clock, is_clock, since_an_epoch
 from softnn.readers.columns import Column
 from softnn.readers.header import header_geometry
-from softnn.readers.lacking import Lacking
+from softnn.readers.lacking import USUAL, Lacking
+from softnn.readers.measures import unusual
 from softnn.readers.numbers import numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.table import Table
-from softnn.readers.units import WEIGHTS, Unit, parse_unit
+from softnn.readers.units import READINGS, WEIGHTS, Unit, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
     COMPRESSIVE,
@@ -26,7 +27,6 @@ from softnn.readers.vocabulary import (
     HEIGHT,
     ROLES,
     STRETCH,
-    TRUE,
     plain,
     rank,
 )
@@ -51,7 +51,7 @@ class Chosen:
         self.used: dict[str, str] = {}
         self.cells: dict[int, Array] = {}  # of columns that were used
         self.notes = [*rules.notes, *table.notes]
-        self.header = header_geometry(table.header)
+        self.header = header_geometry((*table.header, *table.constants()))
         known_geometry = {**self.header.values, **rules.geometry}
         if options.length_mm is None:
             self.notes += self.header.notes
@@ -75,7 +75,13 @@ class Chosen:
                 self.notes.append(f"no column {name!r}, of which a unit was given")
 
     def candidates(self, role: str) -> list[int]:
-        """Columns that may play a role, best first."""
+        """Columns that may play a role, best first; one named by the user may be empty."""
+        if getattr(self.options, role):
+            return self.ranked(role)
+        return [i for i in self.ranked(role) if self.table.filled(i)]
+
+    def ranked(self, role: str) -> list[int]:
+        """Columns by name and unit, whatever they hold."""
         wanted = getattr(self.options, role)
         columns = self.table.columns
         if wanted:
@@ -107,7 +113,7 @@ class Chosen:
             place = rank(role, column.plain)
             if place is not None and column.plain not in self.rules.ignore:
                 stamps = role == "time" and is_clock(self.table.cells(i))
-                ranked.append((TRUE.search(column.plain) is not None, stamps, place, i))
+                ranked.append((unusual(column.plain), stamps, place, i))
         return [i for *_, i in sorted(ranked)]
 
     def find(self, role: str) -> tuple[int, Unit] | None:
@@ -158,7 +164,10 @@ class Chosen:
             if not text:
                 values, _ = numbers(self.table, i, self.decimal, skip_bad=True)
                 epoch = since_an_epoch(values)
-                return None if epoch is None else Unit("time", epoch[0])
+                # A name that is but a unit: `seconds`, `millis`.
+                return parse_unit(column.name) if epoch is None else Unit(
+                    "time", epoch[0]
+                )
         if role == "force" and text.casefold() in WEIGHTS:
             return parse_unit(WEIGHTS[text.casefold()])
         if role == "strain" and STRETCH.search(column.plain):
@@ -172,6 +181,12 @@ class Chosen:
 
     def refuse(self, column: Column, role: str) -> None:
         text = self.unit_of(column, role)
+        if text.casefold() in READINGS:
+            raise InputError(
+                f"column {column.name!r} is in {text!r}, a reading that softnn cannot "
+                f"calibrate; multiply it by its calibration, save it in {USUAL[role]} "
+                "and name the unit in its heading"
+            )
         raise Lacking(
             units={column.name: role}, unknown={column.name: text} if text else None
         )

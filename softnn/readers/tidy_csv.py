@@ -9,6 +9,7 @@ from softnn.readers.assemble import read_source
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.tidy import read_tidy
+from softnn.readers.vocabulary import WHICH, WHOSE, plain
 from softnn.recording import Recording, Step
 
 NAME = "tidy CSV"
@@ -43,9 +44,11 @@ def _changed(source: Source, options: ReadOptions) -> bool:
     axes = axes_of([name.strip("\ufeff\r ") for name in names])
     made = axes is not None and axes.component
     sizes = made and (options.has_area or options.length_mm is not None)
+    whose = any(p.search(plain(n)) for n in names for p in (WHOSE, WHICH))
     roles = ("time", "force", "displacement", "strain", "stress", "temperature")
     return bool(
         sizes
+        or whose
         or options.units
         or options.decimal == ","
         or options.compression

@@ -45,6 +45,7 @@ _ROLES = {
     "time": (
         r"^(total|test|elapsed|running|run|global)? ?time\b(?!.*\bof\b)|"
         r"\b(pru?e?f|versuchs|mess|test|gesamt)?zeit\b|^(sec|secs|seconds|s|t)$|"
+        r"^(millis|micros|milliseconds|minutes)$|"
         r"\b(temps|duree|tiempo|tempo)\b|"
         "\u65f6\u95f4|\u6642\u9593",
         r"\bstep time\b|\bsegment time\b",
@@ -62,7 +63,7 @@ _ROLES = {
     "stress": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstress\b",
         r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensione?|sigma|"
-        r"pk ?1)\b|"
+        r"pk ?[12])\b|"
         "\u03c3|[\u5e94\u61c9\u5fdc]\u529b",
         r"^[PpSs]( ?1?1)?$",
     ),
@@ -78,7 +79,7 @@ _ROLES = {
     ),
     "displacement": (
         r"\b(standardweg|standard travel|course standard|recorrido estandar)\b",
-        r"\b(displacement|extension|elongation|stroke|disp|ext|travel|weg)\b|"
+        r"\b(displacement|extension|elongation|stroke|disp|ext|travel|weg|way)\b|"
         r"\b(deplacement|course|allongement|\w*verlangerung|\w+weg)\b(?!.*absolut)|"
         r"\b(desplazamiento|carrera|alargamiento|spostamento|corsa|allungamento)\b|"
         r"\b(langenanderung|estensione|delta l|dl)\b|"
@@ -118,7 +119,6 @@ REMARK = re.compile(
     r"commentaires?|comentarios?|commenti|message)\b"
 )
 STEP_CLOCK = re.compile(r"\b(step|segment) time\b")
-TRUE = re.compile(r"\b(true|wahre?|vraie?|verdadera?|reale?|hencky)\b|\u771f")
 COMPRESSIVE = re.compile(
     r"\bcompressi(ve|on)\b|\bdruck(kraft|spannung)\b|\bstauchung\b|\u538b\u7f29"
 )
@@ -177,6 +177,14 @@ SPECIMEN = re.compile(
     r"\bproben(kennung|bezeichnung|name)\b|\bdesignation\b|^nom (de l )?eprouvette|"
     r"\bnombre de (la )?probeta\b|\u8bd5\u6837"
 )
+# A column that says of each row which specimen it is of; which test, if the clock
+# starts again there.
+WHOSE = re.compile(
+    r"^(specimen|sample|probe|probekorper|prufkorper|eprouvette|probeta|provino)"
+    r"( (id|no|nr|name|number|label|num))?$"
+)
+WHICH = re.compile(r"^(test|run|trial|experiment|curve|versuch|essai|ensayo|file|id)"
+                   r"( (id|no|nr|name|number))?$")  # fmt: skip
 MATERIAL = re.compile(
     r"^(material|werkstoff|matiere|materiau|materiale|material name)$|\u6750\u6599"
 )
