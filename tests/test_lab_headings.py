@@ -1,0 +1,157 @@
+"""Headings, units and columns as labs write them: the pull comes out, or a question."""
+
+import numpy as np
+import pytest
+from lab_made import HEADER, LENGTH, LOAD, SIZES, STRAIN, STRESS, TIME, WAY, N, written
+
+from softnn.contracts import InputError
+from softnn.readers import read
+
+STRETCH = 1 + STRAIN
+POUND, KILOPOND, INCH = 4.4482216, 9.80665, 25.4
+
+
+def notes(recording):
+    return " | ".join(recording.log[0].arguments["notes"])
+
+
+MEASURES = {
+    "true": ("Stretch \u03bb (-),Cauchy stress (kPa)", STRETCH, 1e3 * STRESS * STRETCH),
+    "log": (
+        "Logarithmic strain,True stress (MPa)",
+        np.log(STRETCH),
+        STRESS * STRETCH,
+    ),
+    "Green": (
+        "Green-Lagrange strain (-),2nd Piola-Kirchhoff stress (MPa)",
+        (STRETCH**2 - 1) / 2,
+        STRESS / STRETCH,
+    ),
+    "short": ("Green strain (%),PK2 (kPa)", 50 * (STRETCH**2 - 1),
+              1e3 * STRESS / STRETCH),
+    "nominal": ("Strain (\u2030),1st Piola-Kirchhoff stress (kPa)", 1e3 * STRAIN,
+                1e3 * STRESS),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("names", "strain", "stress"), MEASURES.values(), ids=MEASURES)
+def test_other_measures_of_strain_and_stress_by_name(names, strain, stress, tmp_path):
+    file = written(tmp_path / "a.csv", f"Time (s),{names}", TIME, strain, stress)
+    (one,) = read(file)
+    np.testing.assert_allclose(one.strain, STRAIN, atol=1e-6)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+
+
+HEADINGS = {
+    "R": ("Time.s.,Tensile.extension..mm.,Load..N.", TIME, WAY, LOAD),
+    "imperial": ("Time (sec),Extension (in),Load (lbf)", TIME, WAY / INCH,
+                 LOAD / POUND),
+    "a logger": ("millis,position_mm,weight_g", 1e3 * TIME, WAY, 1e3 * LOAD / KILOPOND),
+    "only units": ("s,mm,N", TIME, WAY, LOAD),
+    "Spanish": ("Tiempo [s],Desplazamiento [mm],Fuerza [kgf]", TIME, WAY,
+                LOAD / KILOPOND),
+    "capitals": ("TIME [S],WAY [MM],LOAD [N]", TIME, WAY, LOAD),
+    "minutes": ("minutes,Crosshead (mm),Load (N)", TIME / 60, WAY, LOAD),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HEADINGS)
+def test_headings_of_other_software(name, tmp_path):
+    header, *columns = HEADINGS[name]
+    (one,) = read(written(tmp_path / "a.csv", header, *columns), **SIZES)
+    np.testing.assert_allclose(one.time_s, TIME, atol=1e-4)
+    np.testing.assert_allclose(one.strain, STRAIN, atol=1e-5)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-5)
+
+
+def test_a_data_frame_of_R_does_not_say_what_its_strain_is(tmp_path):
+    file = written(tmp_path / "a.csv", "Time..s.,Strain....,Stress..MPa.", TIME,
+                   100 * STRAIN, STRESS)  # fmt: skip
+    with pytest.raises(InputError, match="--unit 'Strain=%'"):
+        read(file)
+    (one,) = read(file, units={"Strain": "%"})
+    np.testing.assert_allclose(one.strain, STRAIN, atol=1e-6)
+
+
+def test_a_strain_without_unit_beyond_one_is_a_question(tmp_path):
+    file = written(tmp_path / "a.csv", "Time (s),Strain,Stress (MPa)", TIME,
+                   10 * STRAIN, STRESS)  # fmt: skip
+    (one,) = read(file)
+    assert "if it is in per cent, say --unit 'Strain=%'" in notes(one)
+    (one,) = read(file, units={"Strain": "%"})
+    np.testing.assert_allclose(one.strain, STRAIN / 10, atol=1e-6)
+
+
+def test_readings_that_are_not_calibrated_are_refused(tmp_path):
+    for header in ("Time (s),Extension (mm),Load (V)", "Time (s),Travel (counts),Load (N)"):
+        file = written(tmp_path / "a.csv", header, TIME, WAY, LOAD)
+        with pytest.raises(InputError, match="calibrat") as error:
+            read(file, **SIZES)
+        assert "--unit" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("header", "way"),
+    [
+        ("Time (s),Compression (mm),Force (N)", WAY),
+        ("Time (s),Extension (mm),Compressive load (N)", WAY),
+        ("Time (s),Gap (mm),Force (N)", LENGTH - WAY),
+    ],
+)
+def test_what_goes_with_compression_is_compression(header, way, tmp_path):
+    (one,) = read(written(tmp_path / "a.csv", header, TIME, way, LOAD), **SIZES)
+    np.testing.assert_allclose(one.strain, -STRAIN, atol=1e-6)
+    np.testing.assert_allclose(one.stress_MPa, -STRESS, atol=1e-6)
+    assert "compression" in notes(one)
+
+
+def test_sizes_in_columns_that_do_not_change(tmp_path):
+    header = "Time (s),Displacement (mm),Force (N),Width (mm),Thickness (cm),Gauge length (mm)"
+    file = written(
+        tmp_path / "a.csv", header, TIME, WAY, LOAD, ["9"] * N, ["0.2"] * N, ["25"] * N
+    )
+    (one,) = read(file)
+    np.testing.assert_allclose(one.strain, STRAIN, atol=1e-6)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+    assert read(file, length_mm=50)[0].strain.max() == pytest.approx(STRAIN.max() / 2)
+
+
+def test_an_empty_column_is_none(tmp_path):
+    header = "Time (s),Load (N),Stress (kPa),Strain (mm),Position (mm)"
+    file = written(tmp_path / "a.csv", header, TIME, LOAD, ["N/A"] * N, [""] * N, WAY)
+    with pytest.raises(InputError, match="--area"):
+        read(file, length_mm=25)
+    (one,) = read(file, **SIZES)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["Specimen", "Sample ID", "Test no"])
+def test_specimens_by_a_column(name, tmp_path):
+    half = N // 2
+    time = np.r_[TIME[:half], TIME[: N - half]]
+    whose = ["A"] * half + ["B"] * (N - half)
+    header = f"{name},Time (s),Extension (mm),Load (N)"
+    first, second = read(
+        written(tmp_path / "a.csv", header, whose, time, WAY, LOAD), **SIZES
+    )
+    assert (first.specimen, second.specimen) == ("A", "B")
+    np.testing.assert_allclose(first.stress_MPa, STRESS[:half], atol=1e-6)
+    np.testing.assert_allclose(second.stress_MPa, STRESS[half:], atol=1e-6)
+
+
+def test_a_clock_that_starts_again_is_asked_about_and_the_answer_works(tmp_path):
+    time = np.r_[TIME[: N // 2], TIME[: N - N // 2]]
+    file = written(tmp_path / "a.csv", HEADER, time, WAY, LOAD)
+    with pytest.raises(InputError, match=r"starts again.*--interval 0\.1"):
+        read(file, **SIZES)
+    (one,) = read(file, interval_s=0.1, **SIZES)
+    np.testing.assert_allclose(one.time_s, TIME, atol=1e-6)
+
+
+def test_the_speed_in_the_header_is_offered_where_time_lacks(tmp_path):
+    header = "Test speed: 75 mm/min\nGauge length: 25 mm\n\nExtension (mm),Load (N)"
+    file = written(tmp_path / "a.csv", header, WAY, LOAD)
+    with pytest.raises(InputError, match=r"--rate 0\.05\b"):
+        read(file, area_mm2=18)
+    (one,) = read(file, area_mm2=18, rate_per_s=0.05)
+    assert one.time_s[-1] == pytest.approx(2 * STRAIN.max() / 0.05, rel=0.02)
