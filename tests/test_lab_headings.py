@@ -83,7 +83,10 @@ def test_a_strain_without_unit_beyond_one_is_a_question(tmp_path):
 
 
 def test_readings_that_are_not_calibrated_are_refused(tmp_path):
-    for header in ("Time (s),Extension (mm),Load (V)", "Time (s),Travel (counts),Load (N)"):
+    for header in (
+        "Time (s),Extension (mm),Load (V)",
+        "Time (s),Travel (counts),Load (N)",
+    ):
         file = written(tmp_path / "a.csv", header, TIME, WAY, LOAD)
         with pytest.raises(InputError, match="calibrat") as error:
             read(file, **SIZES)
@@ -155,3 +158,85 @@ def test_the_speed_in_the_header_is_offered_where_time_lacks(tmp_path):
         read(file, area_mm2=18)
     (one,) = read(file, area_mm2=18, rate_per_s=0.05)
     assert one.time_s[-1] == pytest.approx(2 * STRAIN.max() / 0.05, rel=0.02)
+
+
+# -- what rows and cells hold ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(("value", "count"), [(-999.0, 1), (-9999.0, 6), (1e30, 2)])
+def test_what_a_logger_writes_for_no_reading_is_missing(value, count, tmp_path):
+    load = LOAD.copy()
+    load[80 : 80 + count] = value
+    if value == 1e30:
+        load = [f"{v:.7g}" for v in load]
+    (one,) = read(written(tmp_path / "a.csv", HEADER, TIME, WAY, load), **SIZES)
+    good = np.isfinite(one.stress_MPa)
+    assert (~good).sum() == count
+    np.testing.assert_allclose(one.stress_MPa[good], STRESS[good], atol=1e-6)
+    assert "no reading" in notes(one)
+
+
+def test_a_reading_of_999_among_others_is_one(tmp_path):
+    load = np.where(np.arange(N) == 90, 999.0, 2000 * LOAD / LOAD.max())
+    header = "Time (s),Extension (mm),Load (mN)"
+    (one,) = read(written(tmp_path / "a.csv", header, TIME, WAY, load), **SIZES)
+    assert np.isfinite(one.stress_MPa).all()
+
+
+def test_a_channel_that_is_lost_for_a_while_is_told(tmp_path):
+    way = WAY.copy()
+    way[100:104] = 0.0
+    (one,) = read(written(tmp_path / "a.csv", HEADER, TIME, way, LOAD), **SIZES)
+    assert "4 samples of strain stand far off" in notes(one)
+
+
+@pytest.mark.parametrize("size", [1.0, 0.5])
+def test_times_that_are_rounded_are_spread_evenly(size, tmp_path):
+    time = size * np.floor((TIME + 1e-9) / size)
+    (one,) = read(written(tmp_path / "a.csv", HEADER, time, WAY, LOAD), **SIZES)
+    np.testing.assert_allclose(one.time_s, TIME, atol=1e-6)
+    assert "rounded" in notes(one)
+
+
+def test_rows_that_are_there_twice_count_once(tmp_path):
+    twice = [np.repeat(v, 2) for v in (TIME, WAY, LOAD)]
+    (one,) = read(written(tmp_path / "a.csv", HEADER, *twice), **SIZES)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+    assert "240 rows repeat" in notes(one)
+
+
+def test_the_newest_row_first_is_told_without_an_interval(tmp_path):
+    file = written(tmp_path / "a.csv", HEADER, TIME[::-1], WAY[::-1], LOAD[::-1])
+    with pytest.raises(InputError, match="sort the rows by time"):
+        read(file, **SIZES)
+
+
+def test_a_standard_deviation_is_no_load(tmp_path):
+    header = "Time (s),Load SD (N),Extension (mm),Load (N)"
+    (one,) = read(
+        written(tmp_path / "a.csv", header, TIME, 0.01 * LOAD, WAY, LOAD), **SIZES
+    )
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+    assert "differ" not in notes(one)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "told"),
+    [
+        ("Time (s),Extension (mm),Load 1 (N),Load 2 (N)", (WAY, LOAD, 1.2 * LOAD),
+         "Load 2 [N], which differ; another one is named with --force"),
+        ("Time (s),Extension (mm),LVDT (mm),Load (N)", (WAY, 0.9 * WAY, LOAD),
+         "LVDT [mm], which differ; another one is named with --displacement"),
+    ],
+)  # fmt: skip
+def test_columns_that_may_be_meant_as_well_are_told(header, columns, told, tmp_path):
+    (one,) = read(written(tmp_path / "a.csv", header, TIME, *columns), **SIZES)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+    assert told in notes(one)
+
+
+def test_results_beside_the_rows_and_exponents_of_Fortran(tmp_path):
+    header = "Time (s),Extension (mm),Load (N),,Modulus (MPa),1.2"
+    columns = [[f"{v:.6E}".replace("E", "D") for v in c] for c in (TIME, WAY, LOAD)]
+    (one,) = read(written(tmp_path / "a.csv", header, *columns), **SIZES)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)

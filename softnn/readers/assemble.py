@@ -7,6 +7,7 @@ the recording's log, and what is missing is an error that names the option.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,15 +18,29 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.readers.chosen import Chosen
+from softnn.readers.clocks import spread
 from softnn.readers.header import header_number
 from softnn.readers.lacking import Lacking, NoRecording, placed
 from softnn.readers.measures import STRAIN, STRESS, measure
 from softnn.readers.numbers import FEW, MANY, decimal_mark, numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
-from softnn.readers.table import Table, by_specimen, find_tables, has_role
+from softnn.readers.table import (
+    Table,
+    by_specimen,
+    find_tables,
+    has_role,
+    without_twins,
+)
 from softnn.readers.units import parse_unit
-from softnn.readers.vocabulary import COMPRESSIVE, DIMENSION, HEIGHT, REMARK, plain, rank
+from softnn.readers.vocabulary import (
+    COMPRESSIVE,
+    DIMENSION,
+    HEIGHT,
+    REMARK,
+    plain,
+    rank,
+)
 from softnn.recording import Recording, Step
 from softnn.start import ODD, OFFSET, beginning, stale, start
 
@@ -33,6 +48,7 @@ from softnn.start import ODD, OFFSET, beginning, stale, start
 # 20 GPa is beyond any wire.
 MAX_STRAIN = 100.0
 MAX_STRESS = 20_000.0
+LOST = 5  # samples or a fiftieth, that may stand far off together
 AGAINST = -0.5  # correlation of load and travel, where one has the sign reversed
 DISAGREE = 3.0  # a column against force / area or displacement / length
 
@@ -252,10 +268,13 @@ class _Assembly(Chosen):
         """
         options = self.options
         told = options.compression or options.flip or self.rules.compression
-        travel = plain(self.used.get("displacement") or self.used.get("strain", ""))
-        pull = plain(self.used.get("force") or self.used.get("stress", ""))
-        shut = COMPRESSIVE.search(travel) or HEIGHT.search(travel)
-        pressed = COMPRESSIVE.search(pull)
+        travel, pull = (
+            next((r for r in roles if r in self.names), "")
+            for roles in (("displacement", "strain"), ("force", "stress"))
+        )
+        name = self.names.get(travel, "")
+        shut = COMPRESSIVE.search(name) or HEIGHT.search(name)
+        pressed = COMPRESSIVE.search(self.names.get(pull, ""))
         good = np.isfinite(strain) & np.isfinite(load)
         if told or bool(shut) == bool(pressed) or good.sum() < 5:
             return False, False
@@ -265,8 +284,8 @@ class _Assembly(Chosen):
             return False, False
         named, other = (travel, pull) if shut else (pull, travel)
         self.notes.append(
-            f"{other!r} counts compression as positive, since {named!r} is one of "
-            "compression; its sign is turned"
+            f"{self.used[other]!r} is turned: it counts compression as positive, as "
+            f"{self.used[named]!r} tells"
         )
         return not shut, bool(shut)
 
@@ -423,7 +442,14 @@ class _Assembly(Chosen):
             return np.arange(float(len(self.table.rows))) * options.interval_s
         time = self.read("time")
         if time is not None:
-            return time
+            even = spread(time)
+            if even is None:
+                return time
+            self.notes.append(
+                f"{self.used['time']!r} is rounded, and rows share a time: they are "
+                "spread evenly"
+            )
+            return even
         if options.rate_per_s is not None:
             if strain is None:
                 return None
@@ -479,19 +505,27 @@ class _Assembly(Chosen):
             )
 
     def note_jumps(self, values: Array, what: str) -> None:
-        """Single samples far off both neighbours: a fault of the file, left in it."""
-        steps = np.diff(values)
+        """Samples far off both neighbours, one or a few: left in, and told."""
         finite = values[np.isfinite(values)]
         if finite.size < 20:
             return
         far = 0.2 * np.ptp(finite)
-        alone = (np.abs(steps[:-1]) > far) & (np.abs(steps[1:]) > far)
-        alone &= steps[:-1] * steps[1:] < 0
-        if alone.any():
-            row = int(self.table.lines[int(alone.argmax()) + 1])
+        steps = np.diff(values)
+        big = np.flatnonzero(np.abs(steps) > far)
+        most = max(LOST, len(values) // 50)
+        alone = [
+            (int(a) + 1, int(b) - int(a))
+            for a, b in itertools.pairwise(big)
+            if b - a <= most
+            and steps[a] * steps[b] < 0
+            and abs(values[b + 1] - values[a]) < far / 2
+        ]
+        if alone:
+            row = int(self.table.lines[alone[0][0]])
+            count = sum(n for _, n in alone)
             self.notes.append(
-                f"{int(alone.sum())} single samples of {what} stand far off their "
-                f"neighbours, the first in row {row}"
+                f"{count} samples of {what} stand far off their neighbours, the first "
+                f"in row {row}"
             )
 
     def agree(
@@ -523,6 +557,8 @@ def backwards(time: Array) -> str:
     'time starts again, as where a second test or step begi'
     """
     step = np.diff(time)
+    if np.all(step <= 0):
+        return "time runs from the last row to the first; sort the rows by time"
     again = np.flatnonzero(step < 0)
     if len(again) and time[again[0] + 1] <= time[0] + 2 * abs(np.nanmedian(step)):
         return (
@@ -550,7 +586,9 @@ def recordings(
             file=file,
         )
     decimal = options.decimal or decimal_mark(tables, file)
-    tables = [part for table in _joined(tables) for part in by_specimen(table)]
+    tables = [
+        part for table in _joined(tables) for part in by_specimen(without_twins(table))
+    ]
     chosen = [t for t in tables if _is_test(t, options)]
     if not chosen:
         chosen = [max(tables, key=lambda t: len(t.rows))]

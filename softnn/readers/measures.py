@@ -40,9 +40,7 @@ STRESS: tuple[tuple[re.Pattern[str], str, Conversion], ...] = (
         lambda stretch: stretch,
     ),
     (
-        re.compile(
-            r"\b(true|wahre?|vraie?|verdadera?|reale?|cauchy|hencky)\b|\u771f"
-        ),
+        re.compile(r"\b(true|wahre?|vraie?|verdadera?|reale?|cauchy|hencky)\b|\u771f"),
         "true stress made nominal, volume taken as constant",
         lambda stretch: 1 / stretch,
     ),

@@ -206,6 +206,8 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
         usual = _usual_width(grid, i)
         units = grid[units_at] if units_at is not None else None
         names = _fitted(grid[names_at], usual, units is None)
+        if usual < len(names) and names[usual] == "":
+            names = names[:usual]  # beside an empty column stand results
         raw = len(grid[names_at])  # with the empty cells of trailing delimiters
         if len(names) != len(_strip_end(grid[names_at])):
             raw = len(names)
@@ -468,6 +470,30 @@ def _side_by_side(table: Table, title: Sequence[Cell]) -> list[Table]:
             )
         )
     return [p for p in parts if p.rows]
+
+
+def without_twins(table: Table) -> Table:
+    """The table without rows that repeat the row before them, its time included.
+
+    Where rows share a time and differ, the clock is coarse, and all of them stay.
+    """
+    clock = next((i for i, c in enumerate(table.columns)
+                  if rank("time", c.plain) == 0), None)  # fmt: skip
+    if clock is None or table.short:
+        return table
+    times = table.cells(clock)
+    same = [k for k in range(1, len(times)) if times[k] == times[k - 1] != ""]
+    if not same or any(table.rows[k] != table.rows[k - 1] for k in same):
+        return table
+    gone = set(same)
+    keep = [k for k in range(len(table.rows)) if k not in gone]
+    note = f"{len(gone)} rows repeat the row before them and are left out"
+    return replace(
+        table,
+        rows=[table.rows[k] for k in keep],
+        lines=table.lines[keep],
+        notes=(*table.notes, note),
+    )
 
 
 def by_specimen(table: Table) -> list[Table]:

@@ -15,7 +15,7 @@ from softnn.readers.units import repair
 # Columns that carry one of the words below but are another quantity.
 _NOT = re.compile(
     r"\b(rates?|speed|velocity|counts?|cycles?|number|nr|max(imum)?|min(imum)?|mean|"
-    r"torque|simulat\w*|predict\w*|fit(ted)?|"
+    r"torque|sd|std|stdev|deviation|standard error|sem|variance|cov|simulat\w*|predict\w*|fit(ted)?|"
     r"rotation|rotary|width|lateral|transverse|quer\w*|breiten\w*|largeur|"
     r"^dat(e|um)$|set ?point|command|target|soll\w*|error|modul\w*|energy|work|"
     r"power|video time|dyn|cont|preload|vorkraft|tenacity|index|marker|encoder|"
@@ -62,7 +62,7 @@ _ROLES = {
     ),
     "stress": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstress\b",
-        r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensione?|sigma|"
+        r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensione?|sigma|sig|"
         r"pk ?[12])\b|"
         "\u03c3|[\u5e94\u61c9\u5fdc]\u529b",
         r"^[PpSs]( ?1?1)?$",
@@ -118,6 +118,8 @@ REMARK = re.compile(
     r"\b(comments?|remarks?|notes?|events?|markers?|status|kommentar|bemerkung\w*|"
     r"commentaires?|comentarios?|commenti|message)\b"
 )
+# Travel that is measured on the specimen, beside that of the machine.
+GAUGE = re.compile(r"\b(lvdt|extensometer|laser|video|dic|gau?ge|aufnehmer)\b")
 STEP_CLOCK = re.compile(r"\b(step|segment) time\b")
 COMPRESSIVE = re.compile(
     r"\bcompressi(ve|on)\b|\bdruck(kraft|spannung)\b|\bstauchung\b|\u538b\u7f29"
