@@ -224,8 +224,12 @@ def read_model(path: str | Path) -> Stored | StoredNetwork:
         raise InputError("no such file", file=path) from None
     except RecursionError:
         raise InputError("not a JSON file: nested too deep", file=path) from None
+    except IsADirectoryError:
+        raise InputError("is a folder; name the model.json in it", file=path) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"not a JSON file: {error}", file=path) from None
+        other = path.suffix.lower() not in ("", ".json")
+        how = "; the model comes first, then the recordings" if other else f": {error}"
+        raise InputError(f"not a JSON file{how}", file=path) from None
     return from_dict(data, path)
 
 

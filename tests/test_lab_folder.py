@@ -335,6 +335,46 @@ def test_ctrl_c_ends_with_one_line(tmp_path):
     assert not list((tmp_path / "out").rglob("*.json"))
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("read FOLDER", "no recordings in it"),
+        ("diagnose FOLDER --template", "no recordings in it"),
+        ("simulate a.csv m.json --out o", "the model comes first"),
+        ("simulate FOLDER a.csv --out o", "is a folder; name the model.json in it"),
+        ("simulate m.json EMPTY --out o", "an argument is empty"),
+        ("export m.json --to c --out o/motor.c", "say --out o --name motor"),
+    ],
+)
+def test_what_is_given_in_the_wrong_place_is_told(
+    words, said, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "FOLDER").mkdir()
+    written(tmp_path / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    given = ["" if w == "EMPTY" else w for w in words.split()]
+    code, out, err = told(capsys, *given)
+    assert code == 2
+    assert said in err
+    assert err.count("\n") == 1
+    assert (out, sorted(p.name for p in tmp_path.iterdir())) == (
+        "",
+        ["FOLDER", "a.csv"],
+    )
+
+
+def test_files_are_named_while_they_are_read(lab):
+    heard = []
+    with progress.heard(lambda now: heard.append(now)):
+        to_case(lab, length_mm=25, area_mm2=18)
+    assert {"reading"} == {now.stage for now in heard}
+    shown = progress.Shown("lab", quiet=True)
+    shown(progress.Progress("reading", 2, 1.0, 0.5, 8.0, "b.csv"))
+    line = shown.line()
+    assert "lab: reading b.csv [##########----------]" in line
+    assert line.endswith("about 8 s left")
+
+
 # -- simulate, and Python --------------------------------------------------------------
 
 

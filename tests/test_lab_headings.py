@@ -109,10 +109,9 @@ def test_what_goes_with_compression_is_compression(header, way, tmp_path):
 
 
 def test_sizes_in_columns_that_do_not_change(tmp_path):
-    header = "Time (s),Displacement (mm),Force (N),Width (mm),Thickness (cm),Gauge length (mm)"
-    file = written(
-        tmp_path / "a.csv", header, TIME, WAY, LOAD, ["9"] * N, ["0.2"] * N, ["25"] * N
-    )
+    header = f"{HEADER},Width (mm),Thickness (cm),Gauge length (mm)"
+    sizes = (["9"] * N, ["0.2"] * N, ["25"] * N)
+    file = written(tmp_path / "a.csv", header, TIME, WAY, LOAD, *sizes)
     (one,) = read(file)
     np.testing.assert_allclose(one.strain, STRAIN, atol=1e-6)
     np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)

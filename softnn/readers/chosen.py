@@ -34,7 +34,6 @@ from softnn.readers.vocabulary import (
 from softnn.recording import Geometry
 from softnn.start import start
 
-
 # What loggers write where there is no reading, and how far off all others it must be.
 SENTINELS = (-999.0, -9999.0, -99999.0, -999.25, 999.0, 9999.0, 99999.0, 999999.0,
              -32768.0, 32767.0, 1e10, -1e10, 1e20, -1e20, 1e30, -1e30)  # fmt: skip
@@ -84,7 +83,7 @@ class Chosen:
                 self.notes.append(f"no column {name!r}, of which a unit was given")
 
     def candidates(self, role: str) -> list[int]:
-        """Columns that may play a role, best first; one named by the user may be empty."""
+        """Columns that may play a role, best first; empty ones only by name."""
         if getattr(self.options, role):
             return self.ranked(role)
         return [i for i in self.ranked(role) if self.table.filled(i)]
@@ -305,9 +304,10 @@ class Chosen:
                 continue
             other = numbers(self.table, i, self.decimal, skip_bad=True)[0] * unit.factor
             good = np.isfinite(values) & np.isfinite(other)
-            size = np.ptp(values[good]) if good.any() else 0.0
-            if good.any() and np.abs((other - other[good][0]) - (values - values[good][0])
-                                     )[good].max() > DIFFERS * size > 0:  # fmt: skip
+            if good.any():
+                a, b = (v[good] - v[good][0] for v in (values, other))
+                differs = np.abs(a - b).max() > DIFFERS * np.ptp(a) > 0
+            if good.any() and differs:
                 rivals.append(str(column))
         if rivals:
             self.notes.append(

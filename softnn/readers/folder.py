@@ -19,7 +19,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -98,6 +97,7 @@ def read_files(
     found, lacking, wrong = Found(), dict[str, Lacking](), dict[str, InputError]()
     used: set[str] = set()
     copies = _copies(files)
+    progress.stage("reading", len(files))
     for file in files:
         shown = _shown(file, folder)
         if file in copies and not set(called(shown)) & set(sizes):
@@ -106,7 +106,7 @@ def read_files(
             continue
         used |= set(called(shown)) & set(sizes)
         row = row_of(sizes, shown)
-        progress.step()
+        progress.step(shown)
         try:
             recordings = read(file, replace(options, **row))
         except NoRecording as error:

@@ -17,7 +17,7 @@ from softnn.contracts import InputError, nearest
 from softnn.readers.columns import split_name
 from softnn.readers.source import open_source
 from softnn.readers.units import Unit, parse_unit
-from softnn.readers.vocabulary import GEOMETRY, LENGTHS, REMARK, SPECIMEN, WHOSE, plain
+from softnn.readers.vocabulary import GEOMETRY, LENGTHS, REMARK, SPECIMEN, WHOSE
 
 SIZES = ("length_mm", "width_mm", "thickness_mm", "area_mm2", "diameter_mm")
 SECTION = ("area_mm2", "width_mm", "thickness_mm", "diameter_mm")

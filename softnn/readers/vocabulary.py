@@ -15,7 +15,8 @@ from softnn.readers.units import repair
 # Columns that carry one of the words below but are another quantity.
 _NOT = re.compile(
     r"\b(rates?|speed|velocity|counts?|cycles?|number|nr|max(imum)?|min(imum)?|mean|"
-    r"torque|sd|std|stdev|deviation|standard error|sem|variance|cov|simulat\w*|predict\w*|fit(ted)?|"
+    r"torque|sd|std|stdev|deviation|standard error|sem|variance|cov|"
+    r"simulat\w*|predict\w*|fit(ted)?|"
     r"rotation|rotary|width|lateral|transverse|quer\w*|breiten\w*|largeur|"
     r"^dat(e|um)$|set ?point|command|target|soll\w*|error|modul\w*|energy|work|"
     r"power|video time|dyn|cont|preload|vorkraft|tenacity|index|marker|encoder|"
