@@ -159,7 +159,8 @@ def _run_read(arguments: argparse.Namespace) -> int:
         from softnn.readers.tidy import write_index
 
         write_index(out, written)  # specimens, and rates, are in no column of a file
-    print("\n".join(told))  # last: whoever reads on may close the pipe early
+    if told:
+        print("\n".join(told))  # last: whoever reads on may close the pipe early
     return 2 if failures else 0
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from softnn import glance
 from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
 from softnn.effects import effect
@@ -67,7 +68,7 @@ class Correction:
         return cls(tuple(names), network)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Stored:
     """A model as stored: base, stiffnesses, effects, and what was learned, if anything.
 
@@ -85,6 +86,18 @@ class Stored:
     simulation: Stored | StoredNetwork | None = None
     source: dict[str, Any] | None = None  # as the file holds it
     axes: Axes = SPECIMEN  # what its strain and MPa are
+
+    def __repr__(self) -> str:
+        laws = (
+            ", ".join(dict.fromkeys(p.effect.id for p in self.pieces)) or "no effects"
+        )
+        base = (
+            "a simulation from elsewhere" if self.needs_simulated else self.units.name
+        )
+        return f"<Model of {self.axes.stress.name}: {base}; {laws}>"
+
+    def _repr_html_(self) -> str:
+        return glance.model_html(self, max(self.units.knots, key=abs))
 
     def simulate(
         self, recording: Recording, simulated_MPa: Array | None = None
