@@ -178,8 +178,7 @@ def fastest(time: Array, strain: Array) -> float:
 def scattered(recordings: Sequence[Recording]) -> list[str]:
     """A note where recordings of one strain programme differ: several specimens?
 
-    Nothing tells those from one specimen that wears, so that they are not taken for
-    either; a line says where to say so.
+    They may be those, or one specimen that wears; a line says where to say which.
     """
     apart: dict[str, float] = {}
     for i, one in enumerate(recordings):
@@ -193,8 +192,9 @@ def scattered(recordings: Sequence[Recording]) -> list[str]:
     shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if names[3:] else "")
     return [
         f"{shown}: strained alike, and their stress differs by up to "
-        f"{100 * max(apart.values()):.0f} %; if they are different specimens, say so "
-        'in case.toml: [specimen], and a line each, recording = "name"'
+        f"{100 * max(apart.values()):.0f} %; softnn judges whether they are different "
+        "specimens; to say so yourself, write in case.toml: [specimen], and a line "
+        'each, recording = "name"'
     ]
 
 

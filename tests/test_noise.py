@@ -7,7 +7,7 @@ from softnn.bounded import innovations, whitened
 from softnn.contracts import Chunk
 from softnn.fit import Data, Engine
 from softnn.mismatch.base import live
-from softnn.noise import estimate, quantum
+from softnn.noise import estimate, quantum, white
 
 
 def drawn(rng, n, sigma, phi):
@@ -227,3 +227,17 @@ def test_a_channel_that_stands_still_has_no_noise_to_show():
     assert estimate(list(noise), list(stress), [time] * 4)[0].floor_MPa < 1e-6
     whole = live([np.zeros(1000)], 1.0)[0]
     np.testing.assert_array_equal(whole, 0.0)
+
+
+@pytest.mark.parametrize("per_cycle", [20, 60, 200, 2000])
+def test_white_noise_is_read_off_the_stress_at_any_sampling(per_cycle):
+    rng = np.random.default_rng(3)
+    angle = np.linspace(0, 2 * np.pi * 8, 8 * per_cycle)
+    strain = 0.5 * (1 - np.cos(angle))
+    stress = strain + 0.4 * strain**3 + 0.05 * np.sin(angle)  # a loop that stiffens
+    read = [white(stress + 0.01 * rng.standard_normal(len(stress))) for _ in range(20)]
+    assert np.mean(read) == pytest.approx(0.01, rel=0.1)
+
+
+def test_too_few_samples_show_no_noise():
+    assert white(np.array([1.0, np.nan, 2.0, 3.0, 5.0, 4.0, 7.0, 6.0])[:7]) == 0.0

@@ -375,18 +375,23 @@ def test_a_fault_of_one_recording_is_named_whatever_predicts_others():
 # --- all of it ------------------------------------------------------------------------
 
 
-def bent_strips(soft):
-    """Four strips of a material that no law here describes, softened or not."""
+def bent_strips(soft, tops=(0.5, 0.6, 0.7, 0.8), gaps=(0, 0, 0, 0), limit=np.inf):
+    """Four strips of a material that no law here describes, softened or not.
+
+    Each has its gap; the load cell ends at the limit.
+    """
     out = []
-    for i, top in enumerate((0.5, 0.6, 0.7, 0.8)):
+    for i, (top, gap) in enumerate(zip(tops, gaps, strict=True)):
         path = [0, 0.5 * top, 0, 0.5 * top, top, 0, top, 0]
         chunk = straight(path, 0.1, 0.05)
-        largest = np.maximum.accumulate(chunk.strain)
-        below = np.clip((largest - chunk.strain) / 0.3, 0, 1)
-        wavy = 1 + 0.15 * np.sin(9 * chunk.strain) * np.tanh(3 * largest)
-        stress = 2 * chunk.strain * wavy * (1 - soft * below * np.tanh(4 * largest))
+        strain = np.maximum(chunk.strain - gap, 0)
+        largest = np.maximum.accumulate(strain)
+        below = np.clip((largest - strain) / 0.3, 0, 1)
+        wavy = 1 + 0.15 * np.sin(9 * strain) * np.tanh(3 * largest)
+        stress = 2 * strain * wavy * (1 - soft * below * np.tanh(4 * largest))
         rng = np.random.default_rng(i)
         noisy = stress + 5e-4 * rng.standard_normal(len(stress))
+        noisy = np.minimum(noisy, limit)
         out.append(Recording(chunk.time_s, chunk.strain, noisy, name=f"s{i}"))
     return out
 
@@ -399,3 +404,26 @@ def test_softening_of_a_material_that_no_law_describes_is_named_by_prediction():
     assert errors["after"]["heldout_nrmse"] < 0.5 * errors["before"]["heldout_nrmse"]
     assert errors["after"]["worst"]["nrmse"] >= errors["after"]["heldout_nrmse"]
     assert "these recordings cannot tell" in found.summary
+
+
+@pytest.mark.slow
+def test_faults_of_single_replicates_are_named_beside_softening():
+    strips = bent_strips(0.4, (0.7,) * 4, (0, 0.05, 0, 0), 1.0)
+    found = diagnose(strips, "hooke")
+    assert found.result["judged_by"] == "prediction"
+    assert {"slack", "load_cell_saturation"} <= set(found.selected)
+    assert "mullins_softening" in found.selected
+    told = {e["effect"]: e for e in found.result["explanations"]}
+    assert told["slack"]["recordings"] == ["s1"]
+
+
+@pytest.mark.slow
+def test_replicates_nobody_named_are_specimens_unless_somebody_says_otherwise():
+    strips = [
+        replace(strip, stress_MPa=(1 + 0.1 * i) * strip.stress_MPa)
+        for i, strip in enumerate(bent_strips(0.4, (0.7,) * 4))
+    ]
+    alike = [replace(strip, specimen="one") for strip in strips]
+    several, one = (diagnose(every, "hooke").result["fit"] for every in (strips, alike))
+    assert (several["heldout_by"], one["heldout_by"]) == ("specimen", "recording")
+    assert several["after"]["heldout_nrmse"] < 0.5 * one["after"]["heldout_nrmse"]

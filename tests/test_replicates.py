@@ -20,6 +20,8 @@ from softnn.mismatch.replicates import (
     Group,
     Regression,
     Replicates,
+    are_specimens,
+    independent,
     stand_out,
 )
 from softnn.mismatch.screen import only, start_pieces
@@ -68,7 +70,7 @@ def test_what_has_no_stress_is_no_replicate():
 def left_of(made, stress):
     """Squares of the differences that a simulation leaves, and how many values."""
     (group,) = (Group(Replicates(made), g, stress, {}) for g in Replicates(made).groups)
-    return float((group.left**2).sum()), group.independent(group.left)
+    return float((group.left**2).sum()), independent(group.left)
 
 
 def test_scales_zeros_and_what_all_have_alike_are_no_difference():
@@ -89,6 +91,29 @@ def test_scales_zeros_and_what_all_have_alike_are_no_difference():
     assert many == pytest.approx(2 * POINTS * stretches, rel=0.5)  # each value its own
     for values in (own, alike, own + alike):
         assert left_of(made, values)[0] == pytest.approx(usual, rel=0.02)
+
+
+@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize(
+    ("by", "different"), [(0.0, False), (0.004, False), (0.05, True), (0.3, True)]
+)
+def test_replicates_that_differ_by_a_factor_are_different_specimens(
+    count, by, different
+):
+    def stress(i, chunk):
+        return noisy(i, chunk) * (1 + by * (-1) ** i) + 0.05 * i  # zeros are no matter
+
+    assert are_specimens(recordings([CYCLES] * count, stress)) is different
+
+
+def test_what_is_no_factor_is_no_specimen():
+    def drifting(i, chunk):
+        return noisy(i, chunk) + 0.05 * i * np.sin(2 * chunk.time_s)
+
+    for stress in (gap, drifting):
+        assert not are_specimens(recordings([CYCLES] * 4, stress))
+    other = [[0, 0.9, 0.1, 0.9, 0], CYCLES, CYCLES[:3]]  # and no replicates, no answer
+    assert not are_specimens(recordings(other, lambda i, c: (1 + i) * noisy(i, c)))
 
 
 def gap(i, chunk):
@@ -201,7 +226,7 @@ def test_odds_are_those_of_two_regressions():
     regression = Regression(made, bare(made).guess)
     told = regression.forward(frozenset({"slack"}))
     ((group,), (left,)) = regression.groups, regression.left(told)
-    many = min(group.independent(group.left), group.independent(left))
+    many = min(independent(group.left), independent(left))
     ratio = float((group.left**2).sum() / (left**2).sum())
     each = 0.5 * np.log(many) * len(told.terms)
     assert [t.recording for t in told.terms] == [2]

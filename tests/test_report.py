@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from softnn.axes import SPECIMEN, Axes
+from softnn.axes import SPECIMEN, Axes, Axis
 from softnn.mismatch import words
 from softnn.mismatch.case import Case
 from softnn.recording import Recording
@@ -307,9 +307,9 @@ def test_two_effects_of_new_specimens_and_whether_there_is_a_third():
     )
     assert result["summary"] == (
         "Mullins softening (97 %) was left out, and most likely permanent set (60 %). "
-        "With them, new specimens are predicted to 2 % instead of 12 % (noise 0.99 % "
-        "at most). Whether a third effect is there (perhaps inertia (20 %)), these "
-        "recordings cannot tell."
+        "With them, new specimens are predicted to 2 % instead of 12 % (noise 0.99 %, "
+        "from sample to sample). Whether a third effect is there (perhaps inertia "
+        "(20 %)), these recordings cannot tell."
     )
 
 
@@ -493,3 +493,11 @@ def test_axe_finds_no_fault(opened, scheme):
     page.emulate_media(color_scheme=scheme)
     found = axe.Axe().run(page)
     assert [v["id"] for v in found.response["violations"]] == []
+
+
+def test_hundreds_of_cycles_that_share_a_mismatch_are_one_sentence():
+    one = {"branch": "unloading", "sign": "simulation too stiff", "recording": "a"}
+    one |= {"strain": [0.1, 0.5], "share": 0.003}
+    assert sentences(
+        [one | {"cycle": c} for c in range(300)], 1, Axis("strain", "-")
+    ) == ["Unloading of cycles 0-299, strain 0.1 to 0.5: 90 % (simulation too stiff)."]

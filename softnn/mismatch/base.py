@@ -30,13 +30,17 @@ STILL = 1e-9  # of the largest stress, by which no live channel is rough
 
 @dataclass
 class Baseline:
-    """The base at its best, the engine that simulates it, and the noise."""
+    """The base at its best, the engine that simulates it, and the noise.
+
+    `said`: somebody said which recordings are of one specimen.
+    """
 
     engine: Engine
     fit: Fit
     noise: list[Noise]
     name: str  # the base, or "simulated"
     fixed: bool
+    said: bool = False
 
 
 def usable(case: Case, samples: int) -> Case:
@@ -51,8 +55,10 @@ def start(case: Case, model: str | None = None) -> Baseline:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
     model = model or case.model
     if data.simulated_MPa is not None and model is None:
-        return given(data, data.simulated_MPa, case.groups(), fine)
-    return baseline(data, model or DEFAULT, case.groups(), fine)
+        found = given(data, data.simulated_MPa, case.groups(), fine)
+    else:
+        found = baseline(data, model or DEFAULT, case.groups(), fine)
+    return replace(found, said=bool(case.specimen) or case.history == "continued")
 
 
 def units_for(name: str, data: Data, segments: int = 16) -> Units:
@@ -173,8 +179,9 @@ def given(
 
 def beyond(data: Data, simulated: Sequence[Array], stand_in: Guess) -> Engine:
     """An engine that adds what a simulation has beyond its stand-in."""
-    plain = Engine(data)
-    plain.valid = np.ones_like(plain.valid)  # stress is wanted where none was measured
+    # Stress is wanted where none was measured, too.
+    whole = tuple(np.nan_to_num(s) for s in data.stress_MPa)
+    plain = Engine(replace(data, stress_MPa=whole))
     stress, _ = plain.run(replace(stand_in, pieces=()), False)
     by = np.split(stress, data.starts[1:-1])
     return Engine(data, remainder=[s - m for s, m in zip(simulated, by, strict=True)])

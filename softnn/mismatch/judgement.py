@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Piece, fit
 from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
-from softnn.mismatch.base import Baseline, live, weigh_by
+from softnn.mismatch.base import Baseline, scatter, weigh_by
 from softnn.mismatch.decision import (
     FEWEST,
     Decision,
@@ -26,8 +25,8 @@ from softnn.mismatch.decision import (
 from softnn.mismatch.mistakes import mistaken, with_mistakes
 from softnn.mismatch.posterior import Posterior, Tried, posterior
 from softnn.mismatch.prediction import Candidate
-from softnn.mismatch.replicates import Replicates
-from softnn.noise import Noise, estimate
+from softnn.mismatch.replicates import Replicates, are_specimens
+from softnn.noise import Noise, quantum, white
 
 
 @dataclass(frozen=True)
@@ -130,10 +129,13 @@ def by_likelihood(found: Search) -> Judgement:
 def by_prediction(base: Baseline) -> Judgement:
     """The judgement where no candidate explains the recordings down to the noise.
 
-    Faults of single recordings come first: all candidates have those that are likely.
-    What replicates show is asked again beside the best candidate.
+    Replicates whose stress differs by a factor each are different specimens, unless
+    specimens are named. Faults of single recordings come next: all candidates have
+    those that are likely. What replicates show is asked again beside the best one.
     """
     engine = base.engine
+    if not base.said and are_specimens(engine):
+        base = _each_of_its_own(base)
     own = {f.effect: f for f in zeros.at_rest(engine) + faults.at_limit(engine)}
 
     def pieces() -> list[Piece]:
@@ -208,6 +210,14 @@ def by_prediction(base: Baseline) -> Judgement:
     )
 
 
+def _each_of_its_own(base: Baseline) -> Baseline:
+    """The base with a scale for each recording, as a specimen of its own."""
+    count = len(base.engine.chunks)
+    each = scatter(count, [(r,) for r in range(1, count)])
+    guess = replace(base.fit.guess, pieces=(*base.fit.guess.pieces, each))
+    return replace(base, fit=fit(base.engine, guess, fixed_base=base.fixed))
+
+
 def _fits(fine: Engine, base: Baseline, decision: Decision) -> tuple[Fit, Fit]:
     before = fit(fine, base.fit.guess, fixed_base=base.fixed, iterations=2)
     if not decision.account.effects:
@@ -217,19 +227,12 @@ def _fits(fine: Engine, base: Baseline, decision: Decision) -> tuple[Fit, Fit]:
 
 
 def _noise_left(fine: Engine, best: Fit) -> tuple[list[Noise], float]:
-    """Noise in short windows of the best candidate's residual; RMS of all of it, MPa.
+    """White noise of each recording; RMS of the best candidate's residual, MPa.
 
-    The noise is an upper bound, at most that RMS: where samples lie far apart, windows
-    hold some of the misfit too.
+    No candidate reaches the noise, so a residual cannot show it. The stress itself can,
+    from one sample to the next; that RMS is the most it can be.
     """
-    residual: Array = fine.target - fine.run(best.guess, False)[0]
-    parts, stress = fine.by_recording(residual), fine.data.stress_MPa
-    times = [c.time_s for c in fine.data.chunks]
-    noise = estimate(live(parts, fine.level), stress, times, False)
-    left = float(np.sqrt(np.mean(residual**2)))
-    every = zip(noise, stress, strict=True)
-    square = np.concatenate([n.sigma(s[np.isfinite(s)]) ** 2 for n, s in every])
-    less = min(1.0, left / max(float(np.sqrt(square.mean())), 1e-300))
+    left = float(np.sqrt(np.mean((fine.target - fine.run(best.guess, False)[0]) ** 2)))
     return [
-        replace(n, floor_MPa=less * n.floor_MPa, share=less * n.share) for n in noise
+        Noise(min(white(s), left), 0.0, quantum(s)) for s in fine.data.stress_MPa
     ], left

@@ -32,18 +32,25 @@ from softnn.state import turns
 
 BAND = 0.05  # of the range of strain: less is no turn
 LIKE = 0.15  # of the time, and of the strain, by which replicates may differ
+SAME = 0.05  # of the strain, where a factor is asked for: it makes one, too
 POINTS = 20  # at which a stretch is looked at
 SEEN = 1e-6  # of the stress, that a change must be
 LARGER = (1.5, 2.0, 3.0, 5.0)  # times the first start: a kink moves with its size
 GRIPS = 0.01  # of the largest strain: what a strain of class 1 is off by, ISO 9513
+FORCES = 0.01  # what a force of class 1 is off by, ISO 7500-1
 SPREADS = 2.0 ** np.arange(-2, 4)  # of what replicates differ by, over `GRIPS`
 APART = (0.03, 0.1, 0.3)  # of the largest strain: sizes of gaps and slips
 
 
 class Replicates:
-    """Recordings of one programme, and the points along which they are compared."""
+    """Recordings of one programme, and the points along which they are compared.
 
-    def __init__(self, engine: Engine) -> None:
+    There are `fewest` of each programme: of two, none can say which one is wrong.
+    """
+
+    def __init__(
+        self, engine: Engine, fewest: int = FEWEST, like: float = LIKE
+    ) -> None:
         self.engine = engine
         self.times, self.at, turned = [], [], {}
         every = zip(engine.chunks, engine.data.stress_MPa, strict=True)
@@ -56,7 +63,7 @@ class Replicates:
             self.at.append((time[turn[:-1], None] + spans[:, None] * steps).ravel())
             if len(turn) > 1 and valid.sum() > 1:
                 turned[r] = spans, chunk.strain[turn]
-        self.groups = _like(turned)
+        self.groups = [g for g in _like(turned, like) if len(g) >= fewest]
 
     def along(self, recording: int, values: Array) -> Array:
         """Values (valid, ...) of a recording at its points (points, ...)."""
@@ -140,14 +147,6 @@ class Group:
         by = np.clip(dot / np.where(size > self.least, size, np.inf), low, high)
         return by, np.asarray(by * (2 * dot - by * size))
 
-    def independent(self, left: Array) -> float:
-        """How many independent values the differences (recordings, points) have."""
-        power = (np.abs(np.fft.rfft(left, axis=1)[:, 1:]) ** 2).sum(axis=0)
-        if not power.sum() > 0:
-            return 0.0
-        many = power.sum() ** 2 / (power**2).sum()
-        return float(2 * many * (len(self.recordings) - 1))
-
 
 class Regression:
     """Differences between replicates, explained by effects of single recordings."""
@@ -225,7 +224,7 @@ class Regression:
         gain = count = 0.0
         for group, left in zip(self.groups, self.left(found), strict=True):
             before, after = float((group.left**2).sum()), float((left**2).sum())
-            many = min(group.independent(group.left), group.independent(left))
+            many = min(independent(group.left), independent(left))
             if min(before, after) > 0:
                 gain += 0.5 * many * np.log(before / after)
                 count += many
@@ -310,6 +309,45 @@ class Regression:
         return replace(first, values=values, groups=tuple((r,) for r in sorted(mine)))
 
 
+def independent(left: Array) -> float:
+    """How many independent values the differences (recordings, points) have."""
+    power = (np.abs(np.fft.rfft(left, axis=1)[:, 1:]) ** 2).sum(axis=0)
+    if not power.sum() > 0:
+        return 0.0
+    many = power.sum() ** 2 / (power**2).sum()
+    return float(2 * many * (len(left) - 1))
+
+
+def are_specimens(engine: Engine) -> bool:
+    """Whether the stress of replicates differs by a factor each, as of specimens.
+
+    The odds are those of two regressions of the measured stress on the mean of the
+    replicates, with and without a factor for each; zeros are free. Factors that scatter
+    less than forces are off by are none.
+    """
+    replicates = Replicates(engine, fewest=2, like=SAME)
+    gain = count = numbers = 0.0
+    factors = [np.zeros(0)]
+    for group in replicates.groups:
+        measured = np.array([replicates.along(r, engine.target) for r in group])
+        usual = measured.mean(axis=0)
+        zero = np.full_like(usual, 1 / np.sqrt(len(usual)))
+        usual, apart = usual - zero * (zero @ usual), measured - usual
+        apart -= np.outer(apart @ zero, zero)
+        factor = apart @ usual / max(float(usual @ usual), 1e-300)
+        left = apart - np.outer(factor, usual)
+        before, after = float((apart**2).sum()), float((left**2).sum())
+        many = min(independent(apart), independent(left))
+        if min(before, after) > 0:
+            gain += 0.5 * many * np.log(before / after)
+            count += many
+        numbers += len(group) - 1
+        factors.append(factor)
+    scatter = np.concatenate(factors)
+    large = scatter.size > 0 and np.sqrt(np.mean(scatter**2)) > FORCES
+    return bool(large and gain > 0.5 * numbers * np.log(max(count, 2.0)))
+
+
 def stand_out(engine: Engine, found: Fit) -> list[Fault]:
     """What recordings have that their replicates have not, by what a fit leaves."""
     if not Replicates(engine).groups:
@@ -373,7 +411,7 @@ def _together(all_have: Piece, more: Piece) -> Piece:
     return replace(all_have, values=values)
 
 
-def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
+def _like(turned: Mapping[int, tuple[Array, Array]], like: float) -> list[list[int]]:
     """Replicates: as many turns, after about as long, and at about the same strain."""
     reach = max((float(np.ptp(x)) for _, x in turned.values()), default=0.0)
 
@@ -381,7 +419,7 @@ def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
         if len(one[0]) != len(other[0]):
             return False
         off = np.abs(one[0] - other[0]).sum(), np.abs(one[1] - other[1]).max()
-        return bool(off[0] <= LIKE * one[0].sum() and off[1] <= LIKE * reach)
+        return bool(off[0] <= LIKE * one[0].sum() and off[1] <= like * reach)
 
     groups: list[list[int]] = []
     for r, mine in turned.items():
@@ -390,4 +428,4 @@ def _like(turned: Mapping[int, tuple[Array, Array]]) -> list[list[int]]:
             groups.append([r])
         else:
             group.append(r)
-    return [g for g in groups if len(g) >= FEWEST]  # of two, which is wrong?
+    return groups

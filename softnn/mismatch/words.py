@@ -158,8 +158,8 @@ def _error(result: Result) -> str:
 
 
 def _noise(result: Result) -> str:
-    most = " at most" if result["judged_by"] == "prediction" else ""
-    return f"{percent(result['fit']['noise_nrmse'])}{most}"
+    fast = ", from sample to sample" if result["judged_by"] == "prediction" else ""
+    return f"{percent(result['fit']['noise_nrmse'])}{fast}"
 
 
 # --- what stays open ------------------------------------------------------------------

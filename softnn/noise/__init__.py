@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array
-from softnn.noise.one import Noise, quantum, spread_of
+from softnn.noise.one import Noise, quantum, spread_of, white
 from softnn.noise.spectrum import spectral
 from softnn.noise.windows import Windows, memory, windowed
 
-__all__ = ["Noise", "estimate", "quantum"]
+__all__ = ["Noise", "estimate", "quantum", "white"]
 
 COARSE = 0.5  # share of the variance from which rounding dominates
 ROUGH = 2.5  # times the expected variance; a rougher window holds more than noise
@@ -131,9 +131,6 @@ def _levels(
 def _short(residual: Array, stress: Array, step: float) -> Noise:
     """Noise of a recording with few samples: third differences, taken as white."""
     x = residual[np.isfinite(residual)]
-    if len(x) >= 5:
-        rough = np.median(np.abs(np.diff(x, 3))) / 0.6745 / np.sqrt(20)
-    else:
-        rough = 0.01 * float(np.nanmax(np.abs(stress)))
+    rough = white(x, 3) if len(x) >= 5 else 0.01 * float(np.nanmax(np.abs(stress)))
     least = 1e-9 * float(np.nanmax(np.abs(stress), initial=0.0)) + 1e-300
-    return Noise(max(float(rough), least), 0.0, step)
+    return Noise(max(rough, least), 0.0, step)

@@ -32,7 +32,8 @@ def sentences(
         share = sum(r["share"] for r in own)
         if share < LEAST:
             continue
-        heavy = [r for r in own if r["share"] >= LEAST * share]
+        most = max(r["share"] for r in own)
+        heavy = [r for r in own if r["share"] >= LEAST * most]
         low = min(r[axis.column][0] for r in heavy)
         high = max(r[axis.column][1] for r in heavy)
         names = {r["recording"] for r in heavy}
