@@ -88,13 +88,10 @@ class Stored:
     axes: Axes = SPECIMEN  # what its strain and MPa are
 
     def __repr__(self) -> str:
-        laws = (
-            ", ".join(dict.fromkeys(p.effect.id for p in self.pieces)) or "no effects"
-        )
-        base = (
-            "a simulation from elsewhere" if self.needs_simulated else self.units.name
-        )
-        return f"<Model of {self.axes.stress.name}: {base}; {laws}>"
+        laws = dict.fromkeys(p.effect.id for p in self.pieces)
+        base = "another simulation" if self.needs_simulated else self.units.name
+        told = ", ".join(laws) or "no effects"
+        return f"<Model of {self.axes.stress.name}: {base}; {told}>"
 
     def _repr_html_(self) -> str:
         return glance.model_html(self, max(self.units.knots, key=abs))

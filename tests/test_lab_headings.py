@@ -51,6 +51,15 @@ HEADINGS = {
     "Spanish": ("Tiempo [s],Desplazamiento [mm],Fuerza [kgf]", TIME, WAY,
                 LOAD / KILOPOND),
     "capitals": ("TIME [S],WAY [MM],LOAD [N]", TIME, WAY, LOAD),
+    "a catman file": ("Time 1 - default sample rate [s],Force [N],Travel [mm]", TIME,
+                      LOAD, WAY),
+    "abbreviated": ("Elapsed (s),Displ. (mm),F / N", TIME, WAY, LOAD),
+    "Greek": ("t / s,\u0394l / mm,F / N", TIME, WAY, LOAD),
+    "from a preload": ("Load (N),Extension from Preload (mm),Time (sec)", LOAD, WAY,
+                       TIME),
+    "Dutch": ("Tijd (s),Verplaatsing (mm),Kracht (N)", TIME, WAY, LOAD),
+    "Portuguese": ("Tempo (s),Deslocamento (mm),For\u00e7a (N)", TIME, WAY, LOAD),
+    "Swedish": ("Tid (s),F\u00f6rl\u00e4ngning (mm),Kraft (N)", TIME, WAY, LOAD),
     "minutes": ("minutes,Crosshead (mm),Load (N)", TIME / 60, WAY, LOAD),
 }  # fmt: skip
 

@@ -14,12 +14,14 @@ from softnn.readers.units import repair
 
 # Columns that carry one of the words below but are another quantity.
 _NOT = re.compile(
-    r"\b((?<!sample )rates?|speed|velocity|counts?|cycles?|number|nr|max(imum)?|min(imum)?|mean|"
+    r"\b((?<!sample )rates?|speed|velocity|counts?|cycles?|number|nr|max(imum)?|"
+    r"min(imum)?|mean|"
     r"torque|sd|std|stdev|deviation|standard error|sem|variance|cov|"
     r"simulat\w*|predict\w*|fit(ted)?|"
     r"rotation|rotary|width|lateral|transverse|quer\w*|breiten\w*|largeur|"
     r"^dat(e|um)$|set ?point|command|target|soll\w*|error|modul\w*|energy|work|"
-    r"power|video time|dyn|cont|(?<!from )preload|vorkraft|tenacity|index|marker|encoder|"
+    r"power|video time|dyn|cont|(?<!from )preload|vorkraft|tenacity|index|marker|"
+    r"encoder|"
     r"frequency|phase|pip|day|remaining|load cell (?!\d)\w+|oscillation|amplitude|"
     r"final|"
     r"bruch|break|area|flow|at|yield|peak|offset)\b"
@@ -56,7 +58,8 @@ _ROLES = {
     ),
     "force": (
         r"\b(standard ?)?(force|kraft|standardkraft|pru?e?fkraft|zugkraft)\b|"
-        r"\b(load|last|charge|effort|fuerza|carga|forza|carico|kracht|forca|sila)\b|^[fF]( stat)?$|"
+        r"\b(load|last|charge|effort|fuerza|carga|forza|carico|kracht|forca|"
+        r"sila)\b|^[fF]( stat)?$|"
         "(?<![\u5e94\u61c9\u5fdc\u538b])\u529b|\u8f7d\u8377|\u8377\u91cd|\u8d1f\u8377",
         r"^f ?(n|x|y|z|ax|axial|normal)\b|^[Pp]$|^(load ?cell|loadcell|lc)( ?\d)?$",
         r"^(weight|gewicht|mass|masse|poids|peso)$",
