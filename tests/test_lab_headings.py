@@ -2,7 +2,19 @@
 
 import numpy as np
 import pytest
-from lab_made import HEADER, LENGTH, LOAD, SIZES, STRAIN, STRESS, TIME, WAY, N, written
+from lab_made import (
+    HEADER,
+    LENGTH,
+    LOAD,
+    SIZES,
+    STRAIN,
+    STRESS,
+    TIDY,
+    TIME,
+    WAY,
+    N,
+    written,
+)
 
 from softnn.contracts import InputError
 from softnn.readers import read
@@ -199,9 +211,11 @@ def test_a_channel_that_is_lost_for_a_while_is_told(tmp_path):
 
 
 @pytest.mark.parametrize("size", [1.0, 0.5])
-def test_times_that_are_rounded_are_spread_evenly(size, tmp_path):
+@pytest.mark.parametrize("tidy", [True, False])
+def test_times_that_are_rounded_are_spread_evenly(size, tidy, tmp_path):
     time = size * np.floor((TIME + 1e-9) / size)
-    (one,) = read(written(tmp_path / "a.csv", HEADER, time, WAY, LOAD), **SIZES)
+    header, x, y = (TIDY, STRAIN, STRESS) if tidy else (HEADER, WAY, LOAD)
+    (one,) = read(written(tmp_path / "a.csv", header, time, x, y), **SIZES)
     np.testing.assert_allclose(one.time_s, TIME, atol=1e-6)
     assert "rounded" in notes(one)
 

@@ -50,6 +50,7 @@ MAX_STRAIN = 100.0
 MAX_STRESS = 20_000.0
 LOST = 5  # samples or a fiftieth, that may stand far off together
 AGAINST = -0.5  # correlation of load and travel, where one has the sign reversed
+ROUNDED = "{!r} is rounded, and rows share a time: they are spread evenly"
 DISAGREE = 3.0  # a column against force / area or displacement / length
 
 
@@ -445,10 +446,7 @@ class _Assembly(Chosen):
             even = spread(time)
             if even is None:
                 return time
-            self.notes.append(
-                f"{self.used['time']!r} is rounded, and rows share a time: they are "
-                "spread evenly"
-            )
+            self.notes.append(ROUNDED.format(self.used["time"]))
             return even
         if options.rate_per_s is not None:
             if strain is None:

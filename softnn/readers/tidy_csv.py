@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from softnn.axes import axes_of
-from softnn.readers.assemble import read_source
+from softnn.readers.assemble import ROUNDED, read_source
+from softnn.readers.clocks import spread
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.tidy import read_tidy
@@ -28,7 +29,12 @@ def read(source: Source, options: ReadOptions) -> list[Recording]:
     about["test"] = options.test
     recording = read_tidy(source.path, **about, rate_per_s=options.rate_per_s)
     columns = {name.rsplit("_", 1)[0]: name for name in recording.columns}
-    arguments = {"dialect": NAME, "columns": columns, "notes": []}
+    notes = []
+    even = spread(recording.time_s)
+    if even is not None:
+        recording = replace(recording, time_s=even)
+        notes.append(ROUNDED.format("time_s"))
+    arguments = {"dialect": NAME, "columns": columns, "notes": notes}
     return [
         replace(
             recording,
