@@ -69,6 +69,9 @@ HEADINGS = {
     "Greek": ("t / s,\u0394l / mm,F / N", TIME, WAY, LOAD),
     "from a preload": ("Load (N),Extension from Preload (mm),Time (sec)", LOAD, WAY,
                        TIME),
+    "braces": ("Time{s},Extension{mm},Load{N}", TIME, WAY, LOAD),
+    "dots": ("Time.s,Extension.mm,Load.N", TIME, WAY, LOAD),
+    "dashes": ("Time - s,Extension - mm,Load: N", TIME, WAY, LOAD),
     "Dutch": ("Tijd (s),Verplaatsing (mm),Kracht (N)", TIME, WAY, LOAD),
     "Portuguese": ("Tempo (s),Deslocamento (mm),For\u00e7a (N)", TIME, WAY, LOAD),
     "Swedish": ("Tid (s),F\u00f6rl\u00e4ngning (mm),Kraft (N)", TIME, WAY, LOAD),
@@ -137,6 +140,20 @@ def test_sizes_in_columns_that_do_not_change(tmp_path):
     np.testing.assert_allclose(one.strain, STRAIN, atol=1e-6)
     np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
     assert read(file, length_mm=50)[0].strain.max() == pytest.approx(STRAIN.max() / 2)
+
+
+@pytest.mark.parametrize("thick", ["Thickness 0,2 cm", "Dicke: 2,00 mm"])
+def test_sizes_in_lines_of_one_cell(thick, tmp_path):
+    header = f"Length 25 mm\nWidth = 9.0 mm\n{thick}\n\n{HEADER}"
+    (one,) = read(written(tmp_path / "a.csv", header, TIME, WAY, LOAD))
+    np.testing.assert_allclose(one.strain, STRAIN, atol=1e-6)
+    np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+
+
+def test_decimal_commas_between_commas_are_told(tmp_path):
+    columns = [[f"{v:.3f}".replace(".", ",") for v in c] for c in (TIME, WAY, LOAD)]
+    with pytest.raises(InputError, match=r"6 values under 3.*semicolons"):
+        read(written(tmp_path / "a.csv", HEADER, *columns), **SIZES)
 
 
 def test_an_empty_column_is_none(tmp_path):

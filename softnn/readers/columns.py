@@ -9,11 +9,13 @@ from softnn.readers.source import NUMBER, Cell
 from softnn.readers.units import WEIGHTS, parse_unit
 from softnn.readers.vocabulary import plain
 
-_BRACKETS = re.compile(r"^(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\.?$", re.DOTALL)
+_BRACKETS = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*\.?$", re.DOTALL)
 # `Load (N)` in the names of an R data frame is `Load..N.`.
 _DOTS = re.compile(r"^(\S*?[^.\s])\.{1,2}([^.\s]+(?:\.[^.\s]+)?)\.$")
 _DOTS_ALONE = re.compile(r"^(\S*[^.\s])(\.{4})$")
-_LOOSE = re.compile(r"^(.*\S)(?:\s*/\s*|\s+in\s+|\s*,\s*|_)(\S+)$")
+_LOOSE = re.compile(
+    r"^(.*\S)(?:\s*/\s*|\s+in\s+|\s*,\s*|\s+-\s+|\s*:\s+|_|\.(?=[A-Za-z%]+$))(\S+)$"
+)
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,9 @@ class Table:
         return found
 
 
+COMMAS = (
+    ", or, if commas are the decimal marks, export with semicolons between the columns"
+)
 MISSING = ("nan", "-", "--", "---", "n/a", "na", "#n/a", "#n/v", "null", "none")
 
 
@@ -225,7 +228,9 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
                 continue
             raise InputError(
                 f"{usual} values under {len(names)} column names "
-                f"({', '.join(str(n) for n in names)[:80]}); name every column there",
+                f"({', '.join(str(n) for n in names)[:80]}); name every column there"
+                + COMMAS
+                * (usual == 2 * len(names)),
                 file=file,
                 row=names_at + 1,
             )
