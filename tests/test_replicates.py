@@ -273,3 +273,24 @@ def test_replicates_tell_what_laws_leave_open(stress):
         after = asked(after, fault, engine)
     assert (after.effects["slack"] > 0.5) == (stress is gap)
     assert (named(told, slack.fit) == {"slack"}) == (stress is gap)
+
+
+def test_sizes_come_with_the_error_that_draws_of_the_noise_show():
+    sizes, errors = [], []
+    for draw in range(16):
+
+        def stress(i, chunk, draw=draw):
+            taut = np.maximum(chunk.strain - 0.05 * (i == 2), 0)
+            rng = np.random.default_rng([draw, i])
+            return 2 * taut + 0.01 * rng.standard_normal(len(taut))
+
+        made = recordings([CYCLES] * 4, stress)
+        regression = Regression(made, bare(made).guess)
+        told = regression.forward(frozenset({"slack"}))
+        (group,), (left,) = regression.groups, regression.left(told)
+        ours = (t for t in zip(told.terms, told.sizes, strict=True))
+        term, by = next((t, by) for t, by in ours if t.recording == 2)
+        size, error = regression._relative(group, left, term, by)
+        sizes.append(size)
+        errors.append(error)
+    assert np.mean(errors) == pytest.approx(np.std(sizes, ddof=1), rel=0.5)

@@ -254,23 +254,19 @@ class Regression:
         itself half-normal, of the scale `GRIPS`; or those of the terms have a size of
         their own.
         """
-        reached = [reach(c) for c in self.engine.chunks]
-        mine = {
-            t.recording: abs(self.size(t, s)) / reached[t.recording]
-            for t, s in zip(found.terms, found.sizes, strict=True)
-            if t.effect == effect
-        }
-        others = []
+        mine = {t.recording for t in found.terms if t.effect == effect}
+        some, rest = [], []
         for group, left in zip(self.groups, self.left(found), strict=True):
             sizes, gains = group.gains(effect, left, *self.ends[effect])
             gains *= self.may[effect][list(group.recordings)]
             for i, r in enumerate(group.recordings):
                 if r not in mine:
                     term = Term(effect, int(gains[i].argmax()), r)
-                    others.append(
-                        abs(self.size(term, sizes[i, term.start])) / reached[r]
-                    )
-        some, rest = np.array(list(mine.values())), np.array(others)
+                    by = float(sizes[i, term.start])
+                    rest.append(self._relative(group, left, term, by))
+            for term, by in zip(found.terms, found.sizes, strict=True):
+                if term.effect == effect and term.recording in group.recordings:
+                    some.append(self._relative(group, left, term, float(by)))
         prior = np.log(SPREADS) - 0.5 * SPREADS**2
         prior -= logsumexp(prior)
 
@@ -284,6 +280,19 @@ class Regression:
         apart = logsumexp([density(size) for size in APART]) - np.log(len(APART))
         price = UNSAID + picked(len(some) + len(rest), len(some))
         return float(expit(apart - density(None) - price))
+
+    def _relative(
+        self, group: Group, left: Array, term: Term, by: float
+    ) -> tuple[float, float]:
+        """Size of a term over the largest strain, and its standard error.
+
+        What is left has fewer independent values than points, all of one variance.
+        """
+        reached = reach(self.engine.chunks[term.recording])
+        squares = float((group.column(term) ** 2).sum())
+        each = float((left**2).sum()) / max(independent(left), 1.0)
+        error = self.size(term, np.sqrt(each / max(squares, group.least)))
+        return abs(self.size(term, by)) / reached, abs(error) / reached
 
     def size(self, term: Term, by: float) -> float:
         """The amplitude of a term, `by` times its start."""
@@ -368,9 +377,14 @@ def stand_out(engine: Engine, found: Fit) -> list[Fault]:
     return out
 
 
-def _half_normal(sizes: Array, spread: float) -> float:
-    """Log density (to a constant) of sizes of either sign taken as one."""
-    return float(-(0.5 * (sizes / spread) ** 2 + np.log(spread)).sum())
+def _half_normal(sizes: Sequence[tuple[float, float]], spread: float) -> float:
+    """Log density (to a constant) of sizes of either sign taken as one.
+
+    Each comes with its standard error.
+    """
+    size, error = np.array(sizes).reshape(-1, 2).T
+    wide = np.hypot(spread, error)
+    return float(-(0.5 * (size / wide) ** 2 + np.log(wide)).sum())
 
 
 def own(law: Effect) -> bool:
