@@ -511,6 +511,8 @@ class _Assembly(Chosen):
         steps = np.diff(values)
         big = np.flatnonzero(np.abs(steps) > far)
         most = max(LOST, len(values) // 50)
+        if len(big) > most:  # it swings: only single samples tell
+            most = 1
         alone = [
             (int(a) + 1, int(b) - int(a))
             for a, b in itertools.pairwise(big)
