@@ -1,11 +1,10 @@
-"""What the two axes of a recording are: the one place that owns their units.
+"""Quantities and units of the two axes of a recording; the one place that owns units.
 
-A specimen of known length and cross-section gives strain and stress. A component is
-recorded as it is, force against elongation or torque against deflection, and is told
-of in those units. Models and effects know strain and MPa alone; so a diagnosis counts a
-component in round numbers of its own units (`Axis.one`), as if it had a length and a
-section, such that its deflection is a small strain: what large strain does to a length
-and a section cannot be asked of it.
+A specimen of known length and cross-section gives strain and stress. A component gives
+force against elongation or torque against deflection, and results are in those units.
+Models and effects know strain and MPa alone. So a diagnosis counts a component in round
+numbers of its own units (`Axis.one`), as if it had a length and a section that make its
+deflection a small strain. Effects of large strain do not apply to a component.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Axes:
-    """What is imposed (strain) and what answers (stress), or what stands for them."""
+    """The imposed quantity (strain) and the response (stress), with their units."""
 
     strain: Axis
     stress: Axis

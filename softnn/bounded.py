@@ -79,11 +79,11 @@ def bounded(gram, right, low, high, start):
 
 @numba.njit(cache=True)
 def innovations(decay, share, white, first):
-    """What is new in each sample of a noise of unit variance: gains and scale.
+    """Return Kalman gains (n, parts) and 1 / sqrt of the innovation variance (n,).
 
-    `decay` (n, parts) since the sample before, `share` (n, parts) of the variance of
-    the first-order parts, `white` (n,) the rest; `first` (n,) where a recording begins.
-    Returns gains (n, parts) of a Kalman filter and 1 / sqrt of the innovation variance.
+    The noise has unit variance. `decay` (n, parts) is the decay since the sample
+    before, `share` (n, parts) the variance of the first-order parts, `white` (n,) the
+    rest. `first` (n,) marks the first sample of each recording.
     """
     n, k = decay.shape
     gain = np.zeros((n, k))

@@ -165,7 +165,7 @@ def _run_read(arguments: argparse.Namespace) -> int:
 
 
 def describe(recording: Recording) -> str:
-    """What was understood of a recording: facts, columns, notes, a small plot."""
+    """Return how softnn reads a recording: facts, columns, notes, a small plot."""
     strain, stress = recording.strain, recording.stress_MPa
     axes = recording.axes
     facts = {

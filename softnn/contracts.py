@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 
 
 class InputError(ValueError):
-    """Input that cannot be used, in one line: what came, what is allowed, what to do.
+    """Input that cannot be used. The message has the value, the allowed, and a fix.
 
-    Commands print it and exit with 2. `row` counts lines of the file from 1, as an
-    editor shows them.
+    Commands print it in one line and exit with 2. `row` counts lines of the file from
+    1, as an editor shows them.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ def increments(x: Array, before: ArrayLike) -> Array:
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """What was probably meant, to stand behind a name that is not allowed.
+    """Return a hint at the nearest allowed name, or "" if none is near.
 
     >>> nearest("mullin_softening", ["slack", "mullins_softening"])
     " (did you mean 'mullins_softening'?)"
@@ -245,9 +245,9 @@ class Effect(ABC):
     """One piece of physics that a simulation can leave out: a causal operator.
 
     It acts before the model (on the strain that reaches springs and branches) or
-    after it (on their stresses), at its `stage` alone, so effects compose in the order
-    rig, material, sensor. Both hooks take a chunk with carried state, as a model does:
-    state None is a virgin specimen; what comes back lets the next chunk go on. Hooks
+    after it (on their stresses), at its `stage` alone. So effects compose in the order
+    rig, material, sensor. Both hooks take a signal and a state, as a model does. State
+    None is a virgin specimen; the returned state continues with the next chunk. Hooks
     get checked parameters as arrays that broadcast along `sets`.
     """
 
@@ -257,20 +257,21 @@ class Effect(ABC):
     off: Mapping[str, float]  # the values at which it vanishes exactly
     amplitude: str  # the parameter its size is proportional to, at least nearly
     per_recording: tuple[str, ...] = ()  # each recording has its own value of these
-    carries_over: bool = False  # whether its values in some recordings foretell others
+    carries_over: bool = False  # whether values of some recordings predict others
     some: bool = False  # a mistake in some recordings, hardly ever in most of them
     contains: tuple[str, ...] = ()  # ids of simpler laws that this one can become
-    shape: tuple[str, ...] = ()  # kept at default until the effect has been chosen
+    shape: tuple[str, ...] = ()  # at their defaults until the effect is chosen
     part_of: tuple[str, ...] = ()  # bases that have it already
-    scatter: bool = False  # what specimens of one material differ by
-    unmoved: bool = False  # whether it is read before anything has moved
+    scatter: bool = False  # a scale, by which specimens of one material differ
+    unmoved: bool = False  # whether it is visible before the strain moves
     needs_temperature: bool = False
-    # Whether the stress of a moment changes what comes out at that moment alone.
+    # Whether the stress at one moment changes the result at that moment alone.
     pointwise: bool = True
-    on_return: bool = False  # whether only strain that comes back can show it
-    on_reloading: bool = False  # whether only a second loading tells it from viscosity
+    on_return: bool = False  # whether only returning strain can show it
+    on_reloading: bool = False  # whether viscosity looks alike until the second loading
+    spoken: str = ""  # its name in "NAME was left out"; empty: the id in words
     where: str = ""  # where in a recording it shows, in the words of the field
-    twins: Mapping[str, str] = {}  # id of what looks the same -> what tells them apart
+    twins: Mapping[str, str] = {}  # id of a lookalike -> the test that separates them
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here
     unknown: frozenset[str] = frozenset()  # forms that a trial keeps from the search
 
@@ -309,7 +310,7 @@ class Effect(ABC):
 
     @abstractmethod
     def starts(self, scales: Scales) -> list[dict[str, Any]]:
-        """Parameter values of a clear but not extreme effect, to start a search from.
+        """Return parameter values of a clear but not extreme effect, to start from.
 
         The first is what a test plants. Values of `per_recording` parameters may be
         arrays (recordings,).
@@ -318,20 +319,20 @@ class Effect(ABC):
     def closer(self, scales: Scales) -> list[list[dict[str, Any]]]:
         """More starts, in lists of one shape each, once the effect is suspected.
 
-        Asked of what is found from nearby only: a moment, say, with values of its own.
+        Needed by effects with a moment, for example, found only from a nearby start.
         """
         return []
 
     @abstractmethod
     def telltale(self) -> Chunk:
-        """A strain programme on which the effect shows and can be told from others."""
+        """Return a strain programme that separates the effect from others."""
 
     def shown(
         self, chunks: Sequence[Chunk], stress_MPa: Sequence[Array]
     ) -> dict[str, Any] | None:
-        """Values that recordings show by themselves, whatever the material is.
+        """Return values that recordings show by themselves, for any material.
 
-        None where they do not. Asked where an account stays above the noise.
+        None if they do not. Used if no candidate model reaches the noise.
         """
         return None
 
@@ -341,7 +342,7 @@ class Effect(ABC):
         chunks: Sequence[Chunk],
         stress: Sequence[Array],
     ) -> NDArray[np.bool]:
-        """In which recordings (n,) the effect can be what these values say."""
+        """Return the recordings (n,) in which the effect can have these values."""
         return np.ones(len(chunks), bool)
 
     def within(self, scales: Scales) -> Effect:

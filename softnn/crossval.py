@@ -1,4 +1,4 @@
-"""Cross-validation: which samples are held out together, and how well they come back.
+"""Cross-validation: which samples are held out together, and their prediction errors.
 
 Random folds, the thesis's, put neighbours in time of one specimen on both sides: they
 measure interpolation. Folds by specimen and by rate hold out all of one.
@@ -21,9 +21,9 @@ RATE_RATIO = 1.25  # nominal rates closer than this are one rate, measured twice
 
 @dataclass(frozen=True)
 class Folds:
-    """test (k, n): the samples held out in each of k folds; `names` (k,) says what.
+    """The samples held out in each of k folds, as `test` (k, n), with their names (k,).
 
-    `note` says in words where a split could not be what was asked for.
+    `note` says in words why a split differs from the one asked for.
     """
 
     test: np.ndarray
@@ -167,7 +167,7 @@ def _labels(recordings: Sequence[Recording], split: str) -> tuple[list[str], str
     names = [r.specimen for r in recordings]
     if len(set(names)) > 1 or len(recordings) == 1:
         return names, ""
-    note = "specimens are not told apart in these data; each recording counts as one"
+    note = "these data name no specimens; each recording counts as one"
     return [r.name or str(i) for i, r in enumerate(recordings)], note
 
 

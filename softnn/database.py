@@ -1,4 +1,4 @@
-"""SQLite files: whole or not there; rows that are finished; locks that die with us.
+"""SQLite files, complete or absent; finished rows; locks that end with the process.
 
 Locks of a database server (PostgreSQL's advisory ones) hold over all its machines.
 """
@@ -21,8 +21,8 @@ from filelock import FileLock, Timeout
 from softnn.contracts import InputError
 from softnn.json_file import plain
 
-ALIVE_S = 2.0  # how long a lock is waited for that a living process holds
-DYING_S = 60.0  # or a dying one: memory is given back before locks are
+ALIVE_S = 2.0  # wait for a lock of a living process
+DYING_S = 60.0  # or of a dying one: it frees memory before locks
 EXITING = 0x4  # Linux: PF_EXITING in the flags of /proc/PID/stat
 
 
@@ -56,10 +56,10 @@ def made_aside(file: Path, make: Callable[[Path], None]) -> None:
 
 
 class Store:
-    """Finished rows by name, on disk as soon as they are known: what is gone on with.
+    """Finished rows by name, on disk at once, so that a stopped study can go on.
 
-    Use it as a context. Rows of other `code` than this are not seen. Raises
-    `InputError` for a file that is something else.
+    Use it as a context. Rows made by other `code` are ignored. Raises `InputError` for
+    a file that is something else.
     """
 
     def __init__(self, path: Path, code: str = "", fresh: bool = False) -> None:
@@ -98,7 +98,7 @@ class Store:
 
 
 class Lock:
-    """One process at a time; the system drops it with the process, however it dies.
+    """A lock for one process; the system drops it however the process ends.
 
     `what` is said to whoever comes second, by `InputError`.
     """
@@ -143,7 +143,7 @@ def _lives(owner: Path) -> bool:
 
 
 class ServerLock:
-    """The same for whoever uses a PostgreSQL server, which drops it with the process.
+    """A lock for all users of a PostgreSQL server, which drops it with the process.
 
     `waits`: for as long as another has it.
     """

@@ -1,4 +1,4 @@
-"""JSON as this package writes it: arrays as lists, what is no number as null."""
+"""JSON as this package writes it: arrays as lists, NaN and infinity as null."""
 
 from __future__ import annotations
 

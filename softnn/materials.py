@@ -51,12 +51,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Material:
-    """What is published of one material. Speeds are in mm/min.
+    """Published properties of one material. Speeds are in mm/min.
 
-    `thickness_mm` is (least, largest); `specimens` and `samples` give the number of
-    tensile specimens (Table 4.1) and of samples (Table 6.2) by speed; `elastic` the
-    rows of Table 4.2 by speed; `relaxation` those of Tables 4.3 and 4.4 together, by
-    number of the test.
+    `thickness_mm` is (least, largest). `specimens` (Table 4.1) and `samples` (Table
+    6.2) count tensile specimens and samples by speed. `elastic` has the rows of Table
+    4.2 by speed. `relaxation` has those of Tables 4.3 and 4.4, by number of the test.
 
     >>> nr = material("NR")
     >>> nr.full_name, nr.specimens[50], nr.elastic[50]["yield_stress"]

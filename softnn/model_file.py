@@ -26,22 +26,22 @@ if TYPE_CHECKING:
 VERSION = 1
 KIND, NETWORK = "softnn-model", "softnn-network"
 HISTORIES = ("fresh", "continued")
-LARGEST = 1e30  # of any number in a file: what is far beyond it is junk
+LARGEST = 1e30  # larger numbers in a file are junk
 
 
 @dataclass(frozen=True)
 class Correction:
-    """A stress, MPa, that a network adds: what no effect explains.
+    """A stress, MPa, that a network adds for a residual that no effect explains.
 
-    Kept to the ranges of its training: a slower or longer recording than any it knows
-    would have it extrapolate.
+    Features are clipped to the ranges of the training, so a slower or longer recording
+    does not extrapolate.
     """
 
     features: tuple[str, ...]  # of `softnn.state`
     network: Any
 
     def at(self, x: Array) -> Array:
-        """What the network says (n,) of features (n, d)."""
+        """Return the output (n,) of the network for features (n, d)."""
         inputs, target = self.network.inputs, self.network.target
         known = self.network.predict(np.clip(x, inputs.low, inputs.high))
         return np.clip(known, target.low, target.high)
@@ -70,10 +70,10 @@ class Correction:
 
 @dataclass(frozen=True, repr=False)
 class Stored:
-    """A model as stored: base, stiffnesses, effects, and what was learned, if anything.
+    """A stored model: base, stiffnesses, effects, and a learned correction or None.
 
     `own` holds, per effect and parameter, the values of single recordings by name.
-    `simulation` is the model that this one corrects, where that is a stored one too.
+    `simulation` is the stored model that this model corrects, or None.
     """
 
     units: Units
@@ -85,7 +85,7 @@ class Stored:
     learned: Correction | None = None
     simulation: Stored | StoredNetwork | None = None
     source: dict[str, Any] | None = None  # as the file holds it
-    axes: Axes = SPECIMEN  # what its strain and MPa are
+    axes: Axes = SPECIMEN  # quantities and units of its strain and MPa
 
     def __repr__(self) -> str:
         laws = dict.fromkeys(p.effect.id for p in self.pieces)
@@ -99,11 +99,11 @@ class Stored:
     def simulate(
         self, recording: Recording, simulated_MPa: Array | None = None
     ) -> Array:
-        """Stress (n,) over the strain of a recording, MPa; its own stress is not used.
+        """Return the stress (n,) over the strain of a recording, MPa.
 
-        Of a component, both are in its own units: those of `axes`. What the model
-        knows of single recordings it finds by name. `simulated_MPa` (n,) is needed by a
-        model that corrects a simulation from elsewhere.
+        The recording's own stress is not used. For a component both are in its own
+        units, those of `axes`. Values of single recordings are found by name. A model
+        that corrects a simulation from elsewhere needs `simulated_MPa` (n,).
         """
         common({"the model": self.axes, recording.name: recording.axes})
         return self.stress([recording.name], [recording.history], [simulated_MPa])[0]
@@ -115,12 +115,10 @@ class Stored:
         simulated: Sequence[Array | None],
         continued: bool | None = None,
     ) -> list[Array]:
-        """Stress (n,) of each history, MPa.
+        """Return the stress (n,) of each history, in the units of `axes`.
 
-        Recordings unknown by name have what known ones have on average (the gap of a
-        strip, the scale of a specimen), and no fault of a single recording.
-
-        Strain and stress are in the units of `axes`.
+        A recording unknown by name gets the mean of the known ones (the gap of a strip,
+        the scale of a specimen), and no fault of a single recording.
         """
         if self.simulation is not None:
             simulated = self.simulation.stress(names, chunks, simulated, continued)
@@ -173,9 +171,9 @@ def to_dict(
     simulation: Mapping[str, Any] | None = None,
     axes: Axes = SPECIMEN,
 ) -> dict[str, Any]:
-    """A guess as model.json; readable, and stable under writing and reading.
+    """Return a guess as model.json: readable, and stable under writing and reading.
 
-    `axes` say what its strain and MPa are, where it is a component's.
+    `axes` are the quantities and units of a component.
     """
 
     def unit(p: Parameter) -> str:
@@ -223,9 +221,9 @@ def to_dict(
 
 
 def read_model(path: str | Path) -> Stored | StoredNetwork:
-    """A model.json, or the file of a trained network.
+    """Return the model of a model.json, or of the file of a trained network.
 
-    Raises `InputError` naming what is wrong with it.
+    Raises `InputError` naming the fault of the file.
     """
     path = Path(path)
     try:
@@ -255,7 +253,7 @@ def _number(value: Any) -> float:
 
 
 def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
-    """The model that a file holds. Raises `InputError`, which names the file."""
+    """Return the model that a file holds. Raises `InputError`, which names the file."""
     try:
         if isinstance(data, dict) and data.get("kind") == NETWORK:
             from softnn.neural import stored
@@ -291,7 +289,7 @@ def _stored(data: Any) -> Stored:
     pieces, own = [], []
     for entry in data["effects"]:
         law = effect(entry["effect"], entry["form"])
-        # A shape that the law has got since the file was written is the usual one.
+        # A shape parameter added since the file was written has its usual value.
         usual = {k: v for k, v in law.defaults().items() if k in law.shape}
         values = usual | {k: float(v) for k, v in entry["values"].items()}
         law.prepare(values)
@@ -316,7 +314,7 @@ def _stored(data: Any) -> Stored:
 
 
 def _own(law: Effect, given: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Values of single recordings, by parameter and name of the recording."""
+    """Return values of single recordings, by parameter and name of the recording."""
     declared = {p.name: p for p in law.parameters}
     out: dict[str, dict[str, float]] = {}
     for name, values in given.items():

@@ -1,11 +1,13 @@
-"""Is this a recording of a soft material? Wrong units, signs and columns, noticed.
+"""Is this a recording of a soft material? Finds wrong units, signs and columns.
 
-Nothing here knows a model. What is measured: the stiffness (range of stress over range
-of strain) against that of soft materials and tissue, 1 kPa to 2 GPa; whether stress
-goes with strain or against it; which of the two was imposed, straight in time between
-corners; whether a loop of loading and unloading takes work, as every passive material
-does; whether the strain moves at all, and where it begins; and whether the specimen
-tears.
+No model is used. These are checked:
+
+- the stiffness (range of stress over range of strain) is 1 kPa to 2 GPa;
+- stress rises with strain;
+- the imposed channel is linear in time between corners;
+- a loop of loading and unloading takes work, as for every passive material;
+- the strain moves at all, and where it begins;
+- whether the specimen tears.
 """
 
 from __future__ import annotations
@@ -49,7 +51,7 @@ ALIKE = 0.02  # of the range, within which two strain programmes are one
 FACTOR = 1.4  # up to it, one programme over another is a length; beyond, an amplitude
 LOADED, NEAR = 0.2, 0.1  # of the largest strain and stress: where a test goes on
 APART = 0.05  # of the range of stress, by which specimens of one programme differ
-# Up to a stiffness in MPa: what is of that kind.
+# Kinds of material, up to a stiffness in MPa.
 KINDS = (
     (0.03, "a gel or soft tissue"),
     (0.3, "a very soft silicone or adhesive"),
@@ -68,11 +70,11 @@ def check_plausible(
     as_is: bool = False,
     history: str = "fresh",
 ) -> list[str]:
-    """Notes, a line each, on what is odd. Raises `InputError` for what must be wrong.
+    """Return notes on oddities, a line each. Raises `InputError` on impossible values.
 
-    A component may be of any stiffness and wired either way: what is refused of a
-    specimen for its signs or columns is noted of it. An error says what to do; `as_is`
-    takes the numbers as they stand, and says nothing.
+    A component may have any stiffness and either sign: errors on signs and columns of a
+    specimen are notes for a component. An error says what to do. `as_is` accepts the
+    numbers, and returns no notes.
     """
     good = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
     time = recording.time_s[good]
@@ -301,8 +303,8 @@ def _stiffness(strain: Array, stress: Array, refuse: Tell) -> None:
     far = np.ptp(strain) > STRETCHES or np.abs(stress).max() > BEARS_MPa
     if stiffness > STIFFEST_MPa or (stiffness > TISSUE_MPa and far):
         also = "" if stiffness > STIFFEST_MPa else (
-            f", yet what is stiffer than {TISSUE_MPa:g} MPa tears before a strain of "
-            f"{STRETCHES:g} or a stress of {BEARS_MPa:g} MPa"
+            f", yet a material stiffer than {TISSUE_MPa:g} MPa tears before a strain "
+            f"of {STRETCHES:g} or a stress of {BEARS_MPa:g} MPa"
         )  # fmt: skip
         allowed += also
         refuse(

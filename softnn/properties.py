@@ -50,16 +50,16 @@ def ultimate(recording: Recording) -> tuple[float, float]:
 def elastic(
     recording: Recording, offset: float = OFFSET, bend: float = BEND
 ) -> Elastic:
-    r"""Moduli and offset yield of a loading curve, with ranges found by rule.
+    r"""Return moduli and offset yield of a loading curve, with ranges found by rule.
 
-    A range is straight while the bend in it, root mean square, is at most `bend` of
-    its rise in stress (0.03 corresponds to R2 = 0.99). `E_small` is the slope of the
-    longest straight range that starts at zero strain and grows without a break; the
-    bend is that of a fitted cubic, and does not count while noise may make it (three
-    standard errors). The offset line runs
-    parallel to it, `offset` of strain further on; the curve yields where it meets that
-    line. `E_large` is the slope of the widest straight range beyond the yield point
-    (or beyond the first range, on a curve that does not yield).
+    A range is straight while its bend, root mean square, is at most `bend` of its rise
+    in stress (0.03 corresponds to R2 = 0.99). The bend is that of a fitted cubic; a
+    bend within three standard errors of the noise counts as zero.
+
+    `E_small` is the slope of the longest straight range from zero strain. The offset
+    line is parallel to it, `offset` of strain further on; the curve yields at its
+    intersection with that line. `E_large` is the slope of the widest straight range
+    beyond the yield point, or beyond the first range of a curve that does not yield.
 
     >>> e = np.linspace(0, 2, 1001)
     >>> bilinear = np.where(e < 0.4, 5 * e, 2 + (e - 0.4))
@@ -104,11 +104,11 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
 
 
 def _first_range(x: Array, y: Array, bend: float, noise: float) -> int:
-    """Samples of the first straight range: where a fitted cubic stays flat enough.
+    """Return the number of samples of the first straight range, by a fitted cubic.
 
-    Of all ranges from the first sample at once: running sums, and from them the parts
-    of y along the square and the cube of x made orthogonal to what comes before. The
-    cube sees a curve that first softens and then stiffens, and a knee on a long line.
+    All ranges from the first sample are fitted at once: running sums give the parts of
+    y along the square and the cube of x, orthogonal to the lower powers. The cube
+    detects a curve that softens and then stiffens, and a knee on a long line.
     """
     n = np.arange(1, len(x) + 1)
     u = (x - x[0]) / (x[-1] - x[0])

@@ -1,4 +1,4 @@
-"""Recording: one test of one specimen, as numbers, with what was done to them."""
+"""Recording: one test of one specimen, as numbers, with a log of all changes."""
 
 from __future__ import annotations
 
@@ -58,15 +58,15 @@ class Step:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording:
-    """Time, strain and stress of one test, with where they come from.
+    """Time, strain and stress of one test, and their source.
 
     Arrays are (n,), float64 and read-only. time_s [s] is finite and never decreases;
     strain [-] and stress_MPa [MPa] are engineering values, compression negative, and
-    may hold NaN where a value is missing. `rate_per_s` is the nominal strain rate
-    [1/s] of the test's loading; `log` lists what was done since the file was read.
-    Of a component `axes` says what stands in place of strain and stress, and in which
-    units: force in N over elongation in mm, say. `simulated_MPa` is the stress that a
-    simulation of the user's own gave for this strain.
+    hold NaN for a missing value. `rate_per_s` is the nominal strain rate [1/s] of the
+    test's loading. `log` lists all changes since the file was read. For a component
+    `axes` gives the quantities and units in place of strain and stress, such as force
+    in N over elongation in mm. `simulated_MPa` is the stress by the user's own
+    simulation of this strain.
 
     >>> import numpy as np
     >>> r = Recording(np.arange(3.0), np.array([0, 0.1, 0.2]), np.array([0, 0.3, 0.5]))
@@ -158,7 +158,7 @@ class Recording:
 
     @property
     def history(self) -> Chunk:
-        """What was imposed; where strain is missing, straight in time."""
+        """The imposed strain; missing strain is interpolated linearly in time."""
         warm = self.temperature_C
         if warm is not None and np.isnan(warm).all():
             warm = None
@@ -167,7 +167,7 @@ class Recording:
     def with_step(
         self, name: str, arguments: dict[str, Any] | None = None, **changes: Any
     ) -> Recording:
-        """A changed copy whose log says what was done (`name`) and how."""
+        """Return a changed copy whose log has the step's `name` and arguments."""
         step = Step(name, dict(arguments or {}))
         return replace(self, **changes, log=self.log + (step,))
 

@@ -26,9 +26,9 @@ class Term:
     values: dict[str, Any] = field(default_factory=dict)
 
     def each(self, recordings: int) -> list[dict[str, Array]]:
-        """Values of each recording as the hooks want them, not checked.
+        """Return the values for each recording, as the hooks want them, unchecked.
 
-        One that is not `per_recording`, or is one number, is the same in all.
+        A parameter that is a single number, or not `per_recording`, is equal in all.
         """
         ready = {k: np.atleast_1d(np.asarray(v, float)) for k, v in self.values.items()}
         own = [k for k in self.effect.per_recording if np.ndim(self.values[k])]
@@ -54,7 +54,7 @@ def reach(
     chunk: Chunk,
     m: Memory,
 ) -> Signal:
-    """The strains that reach springs and branches, (n, sets), from those commanded."""
+    """Return the strains that reach springs and branches, (n, sets)."""
     strain = np.asarray(chunk.strain, float)
     strain = strain[:, None] if strain.ndim == 1 else strain
     begun = float(chunk.time_s[0])
@@ -68,7 +68,7 @@ def reach(
 
 
 def to_model(signal: Signal) -> Chunk:
-    """What the model gets of one set: strains, and the time its branches go by."""
+    """Return the input of the model for one set: strains, and the time of branches."""
     own = signal.branch_time_s
     time = signal.time_s if own is None else own[:, 0]
     parts = tuple(
@@ -84,7 +84,7 @@ def measured(
     signal: Signal,
     m: Memory,
 ) -> Array:
-    """The stress written down, (n, sets), from `equilibrium` and `branches`."""
+    """Return the recorded stress (n, sets) from `equilibrium` and `branches`."""
     for i, term in enumerate(terms):
         if term.effect.stage != "sensor":
             key = (i, "after")
@@ -101,9 +101,10 @@ def measured(
 
 
 def run_on(chunks: Sequence[Chunk], continued: bool) -> list[Chunk]:
-    """The chunks with times that go on where `continued` recordings restart at zero.
+    """Return the chunks with running times, if `continued` ones restart at zero.
 
-    They go on after a typical step, or the first one: holds are often recorded slowly.
+    They continue after a typical step or the first step: holds are often recorded
+    slowly.
     """
     if not continued:
         return list(chunks)
@@ -125,7 +126,7 @@ def simulate(
     chunks: Sequence[Chunk],
     continued: bool = False,
 ) -> list[Array]:
-    """Stress [MPa] (n,) of each chunk. stiffness [MPa] (columns,), springs first.
+    """Return the stress [MPa] (n,) of each chunk. stiffness [MPa]: springs first.
 
     >>> one = Units("hooke", (0.0, 1.0))
     >>> pull = Chunk(np.array([0.0, 1.0]), np.array([0.0, 0.2]))
@@ -139,7 +140,7 @@ def simulate(
         )
     every = []
     for term in terms:
-        term.effect.prepare(term.values)  # refuses what is not allowed
+        term.effect.prepare(term.values)  # raises on values out of range
         every.append(term.each(len(chunks)))
     out: list[Array] = []
     memory: Memory = {}

@@ -13,7 +13,7 @@ SMALL = 0.003  # of the range: a smaller jump harms nothing
 ALONE = 0.3  # of the jump, each in its own range: the other channel goes along
 REST = 0.05  # of the range of load: the specimen is not loaded yet
 OFFSET = 0.5  # of the range of travel, beyond which the start is the machine's
-ODD = 0.02  # of it, beyond which the start is told
+ODD = 0.02  # of it, beyond which the start is reported
 
 
 def stale(moved: Array, load: Array) -> int:

@@ -1,6 +1,6 @@
-"""The state of a specimen, sample by sample: branch, cycle, what it went through.
+"""The state of a specimen, sample by sample: branch, cycle, history.
 
-Read off the history that was imposed alone: no model and no stress is asked.
+It follows from the imposed strain alone, without a model or a stress.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FEATURES = (
 
 @dataclass(frozen=True)
 class Phases:
-    """What each sample (n,) of a recording belongs to."""
+    """Branch and cycle of each sample (n,) of a recording."""
 
     branch: Array  # index into BRANCHES
     cycle: Array  # counts from 1
@@ -36,7 +36,7 @@ BRANCHES = ("hold", "first loading", "reloading", "unloading")
 
 
 def phases(chunk: Chunk, band: float = 0.02) -> Phases:
-    """Branch and cycle of each sample; `band` of the range back is a reversal."""
+    """Return branch and cycle of each sample; a reversal is `band` of the range."""
     strain, time = chunk.strain, chunk.time_s
     span = float(strain.max() - strain.min())
     n = len(strain)
@@ -45,7 +45,7 @@ def phases(chunk: Chunk, band: float = 0.02) -> Phases:
     at = np.arange(n)
     stretch = np.searchsorted(turn[1:-1], at, "right")
     cycle = 1 + np.cumsum(rising) - rising[0]
-    # A hold: over a stretch the strain moves by far less than it does elsewhere.
+    # A hold is a stretch in which the strain moves far less than elsewhere.
     reach = max(n // 200, 2)
     ahead, behind = np.minimum(at + reach, n - 1), np.maximum(at - reach, 0)
     step = np.abs(strain - [strain[ahead], strain[behind]]).min(axis=0)
@@ -64,7 +64,7 @@ def phases(chunk: Chunk, band: float = 0.02) -> Phases:
 
 
 def turns(x: Array, band: float) -> Array:
-    """Indices of turning points that matter, with the first and last sample."""
+    """Return indices of the turning points, with the first and last sample."""
     out = [0]
     low = high = 0
     direction = 0
@@ -89,7 +89,7 @@ def turns(x: Array, band: float) -> Array:
 def features(
     chunk: Chunk, names: tuple[str, ...] = FEATURES, *, warm: bool = False
 ) -> Array:
-    """State features (n, features) of a recording."""
+    """Return state features (n, features) of a recording."""
     if warm:
         names = (*names, "temperature_C")
     time, strain = chunk.time_s - chunk.time_s[0], chunk.strain
@@ -121,7 +121,7 @@ def features(
 
 
 def runs(mask: Array, *labels: Array) -> Sequence[tuple[int, int]]:
-    """Runs [a, b) of True in which all labels stay the same."""
+    """Return runs [a, b) of True in which all labels stay the same."""
     if not mask.any():
         return []
     change = np.diff(mask.astype(int)) != 0

@@ -1,9 +1,9 @@
-"""A network of histories, taught by recordings and by a physical model of them.
+"""A network of histories, trained on recordings and on a physical model of them.
 
-What a network does in a controller depends on what it was shown. Recordings are few,
+The behaviour of a network in a controller depends on its training. Recordings are few,
 slow, and of specimens that differ in stiffness; a corrected model knows the material
-beyond them. `taught` trains `FFH7` on both: recordings as if of one specimen, and
-histories that the model simulates, faster, slower, farther and slack.
+beyond them. `taught` trains `FFH7` on both: on recordings scaled to one specimen, and
+on histories that the model simulates, faster, slower, farther and slack.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ INPUTS = "FFH7"
 WIDER = 3.0  # times faster, and slower, than recorded: histories that are simulated
 FURTHER = 1.2  # times farther than recorded: a controller pushes on where stress ends
 RAMPS, RAMP = 12, 8  # of a simulated history, and samples of a ramp
-LEAST = 0.02  # of the strain range: the smallest history
-UNLIKE = 2.0  # times stiffer or softer: no specimen is, so the model is not of it
+LEAST = 0.02  # of the strain range: the smallest simulated history
+UNLIKE = 2.0  # times stiffer or softer; no specimen is, so the model does not fit it
 
 
 @dataclass(frozen=True)
 class Span:
-    """Strains and sizes of strain rates [1/s], each low, high, to be simulated."""
+    """Ranges (low, high) of strains and of strain rates [1/s] for the simulation."""
 
     strains: tuple[float, float]
     rates: tuple[float, float]
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> Span:
-        """The strains of recordings, and their rates three times as wide."""
+        """Return the strains of recordings, and rates three times slower to faster."""
         strain = np.concatenate([r.strain for r in recordings])
         rate = np.concatenate([_moving(r) for r in recordings])
         if not len(rate):
@@ -61,12 +61,12 @@ def taught(
     starts: int = 3,
     seed: int = 0,
 ) -> StoredNetwork:
-    """A network that is shown cycles, rates that change, and slack; see the module.
+    """Return a network trained on cycles, changing rates and slack; see the module.
 
-    recordings: cyclic ones, strain at every sample; those with the same `specimen` are
-    of one, those without are each of its own. model: `from_dict` of a diagnosis's
-    model.json. lag_s: the shortest of five branches, a thousandth of the longest
-    recording by default [s]. Raises `InputError`.
+    recordings: cyclic ones, strain at every sample. Those with the same `specimen`
+    share a specimen; those without have one each. model: `from_dict` of a diagnosis's
+    model.json. lag_s: time of the shortest of five branches [s], by default a
+    thousandth of the longest recording. Raises `InputError`.
 
     >>> from softnn.models.units import Units
     >>> time = np.linspace(0, 10, 101)
@@ -91,7 +91,7 @@ def taught(
 def network_of(
     every: Sequence[Recording], lag_s: float, neurons: int, starts: int, seed: int
 ) -> tuple[StoredNetwork, Trained]:
-    """`FFH7` on all samples of recordings, and how its training went."""
+    """Return `FFH7` trained on all samples of recordings, and how its training went."""
     known = samples(every, INPUTS, lag_s)
     (one,) = fit_samples(
         known,
@@ -106,7 +106,7 @@ def network_of(
 
 
 def lag_of(recordings: Sequence[Recording]) -> float:
-    """The shortest branch [s] of a network: the longest outlasts the recordings."""
+    """Return the time of the shortest branch [s]; the longest exceeds recordings."""
     longest = max(float(np.ptp(r.time_s)) for r in recordings)
     return float(f"{longest / 1000:.1g}")
 
@@ -114,12 +114,12 @@ def lag_of(recordings: Sequence[Recording]) -> float:
 def alike(
     recordings: Sequence[Recording], model: Stored
 ) -> tuple[list[Recording], float]:
-    """The recordings as if of the mean specimen, and its factor to the model's.
+    """Return the recordings scaled to the mean specimen, and its factor to the model's.
 
-    A network of histories tells specimens apart by their strains and learns each one's
-    stiffness by heart; on another specimen that is worth less than nothing. So each
-    specimen's stress is divided by its factor to the model's, least squares, and
-    multiplied by the geometric mean of them.
+    A network of histories would recognise specimens by their strains and learn their
+    stiffnesses, which harms predictions of other specimens. So the stress of each
+    specimen is divided by its factor to the model (least squares) and multiplied by the
+    geometric mean of all factors.
     """
     made = simulated_by(model, recordings)
     sums: dict[str, Array] = {}
@@ -141,7 +141,7 @@ def alike(
 
 
 def simulated_by(model: Stored, recordings: Sequence[Recording]) -> list[Array]:
-    """Stress (n,) of each recording by a model, of a specimen unknown to it."""
+    """Return the stress (n,) of each recording by a model, for an unknown specimen."""
     names = [f"new {i}" for i in range(len(recordings))]
     chunks = []
     for r in recordings:
@@ -156,12 +156,12 @@ def simulated_by(model: Stored, recordings: Sequence[Recording]) -> list[Array]:
 def histories(
     model: Stored, span: Span, count: int, seed: int, factor: float = 1.0
 ) -> list[Recording]:
-    """Recordings of a model, its stress times `factor`, along histories of strain.
+    """Return recordings of a model, stress times `factor`, along histories of strain.
 
-    As many small as large ones, to a fifth beyond the strains of `span`: a network that
-    is held within its training answers no more torque to more strain beyond it, and a
-    controller that wants more pulls without end. Some of the way they go beyond rest to
-    the slack side, where a strip bears nothing.
+    There are as many small histories as large ones, up to a fifth beyond the strains of
+    `span`: a network held within its training range gives no more torque for more
+    strain, so a controller that wants more would pull without end. Some histories go
+    below rest to the slack side, where a strip bears nothing.
     """
     rng = np.random.default_rng([seed, 28])
     low, high = span.strains
@@ -200,9 +200,10 @@ def turns(
     rates: tuple[float, float],
     count: int,
 ) -> tuple[Array, Array]:
-    """Times and strains (n,) of corners: ramps, one in ten a hold, from rest at zero.
+    """Return times and strains (n,) of corners: ramps and holds, from rest at zero.
 
-    One in three leads back to zero; rates are drawn evenly in their logarithm.
+    One in ten is a hold, and one in three leads back to zero. Rates are uniform in
+    their logarithm.
     """
     time, strain = [0.0], [0.0]
     for _ in range(count):
@@ -220,7 +221,7 @@ def turns(
 
 
 def _moving(recording: Recording) -> Array:
-    """Sizes of the strain rate [1/s] where the strain moves."""
+    """Return the sizes of the strain rate [1/s] where the strain moves."""
     good = np.isfinite(recording.strain)
     step = np.diff(recording.time_s[good])
     rate = np.abs(np.diff(recording.strain[good])[step > 0] / step[step > 0])

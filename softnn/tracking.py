@@ -21,7 +21,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-# Read when mlflow is imported: no study tells anybody that it has been run.
+# Read when mlflow is imported: no study reports its use to anybody.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
@@ -73,13 +73,12 @@ WHOLE = "note.md"  # where a note longer than that is kept
 
 
 class Tracker:
-    """The parent run of a study, running while the context is open.
+    """The parent run of a study in MLflow, running while the context is open.
 
-    `study` names the settings and the data, `identity` this one carrying-out of it:
-    opened again with the same identity, the same parent run goes on; parent runs of
-    the study left running by others are marked KILLED. `data` names the recordings by
-    their hash. `uri` is an MLflow address; for an SQLite file the artifacts lie in
-    `artifacts/` beside it.
+    `study` names the settings and the data. `identity` names this run of the study: the
+    same identity continues the same parent run. Other parent runs of the study that
+    were left running are marked KILLED. `data` maps recordings to their hash. `uri` is
+    an MLflow address; for an SQLite file the artifacts lie in `artifacts/` beside it.
 
     On an error or ctrl-C the parent run is marked FAILED or KILLED.
     """
@@ -184,8 +183,10 @@ class Tracker:
         texts: Mapping[str, str] | None = None,
         tags: Mapping[str, str] | None = None,
     ) -> None:
-        """What the study found: figures, tables (Markdown `note`, file name -> text)
-        and named numbers on the parent run. Logged again, it replaces what was there.
+        """Log the results on the parent run: figures, tables, and named numbers.
+
+        Tables are Markdown (`note`, file name -> text). A second call replaces the
+        first.
         """
         self._log(self.run_id, {}, metrics)
         if len(note) > LONGEST:
@@ -257,7 +258,7 @@ class Tracker:
         )
 
     def _described(self, name: str) -> str:
-        """What a registered model is: its recordings, and what each alias is for."""
+        """Return a description of a registered model: its recordings and aliases."""
         model = self._client.get_registered_model(name)
         lines = [
             f"Networks for {name}: stress [MPa] of a strain history, trained on "

@@ -1,11 +1,11 @@
 r"""Virtual specimens of the seven published materials, as a machine would write them.
 
-The recordings behind the published tables were never released. These stand in for
-them: a physical generator whose parameters (`data/virtual/NAME.toml`, written by
-`python -m studies.calibration`) bring it as close to Tables 4.2 and
-4.4 as one material with scattering specimens can come. How far each published property
-is missed is in `studies/results/virtual_specimens.json`. A number obtained on virtual
-specimens is never a reproduction of a measurement.
+The recordings behind the published tables were never released, so a physical generator
+replaces them. Its parameters are in `data/virtual/NAME.toml`, written by `python -m
+studies.calibration`. They bring it as close to Tables 4.2 and 4.4 as one material with
+scattering specimens can come. `studies/results/virtual_specimens.json` has the error of
+each published property. A number obtained on virtual specimens never reproduces a
+measurement.
 
 A specimen under the strain :math:`\varepsilon(t)` carries
 
@@ -298,10 +298,10 @@ def _record(
 
 
 def _sampling(duration: Array, total: int) -> tuple[float, Array, Array]:
-    """Interval [s], samples under load and samples after failure of each test.
+    """Return interval [s], samples under load and samples after failure of each test.
 
-    One interval for all tests at a speed, to a hundredth of a millisecond; the samples
-    add up to `total`, what is left over going to the time after failure.
+    All tests at a speed have one interval, to a hundredth of a millisecond. The samples
+    add up to `total`; the remainder goes to the time after failure.
     """
     number = len(duration)
     interval = duration.sum() / (total - (AFTER_FAILURE + 0.5) * number)

@@ -37,7 +37,7 @@ def workers(jobs: int, scheduler: str | None = None) -> Iterator[Executor]:
     pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=attached)
     try:
         yield pool
-    except KeyboardInterrupt:  # work that takes minutes is not waited for
+    except KeyboardInterrupt:  # do not wait for work that takes minutes
         for process in set(active_children()) - before:
             process.terminate()
         raise

@@ -3,7 +3,7 @@
 Section 5.4 and Fig. 5.5 of the thesis: RMSE of Wiechert's model fitted by collocation
 (eq. 5.3) with 1 to 10 branches, and of the standard linear solid through three points.
 Beside them non-negative least squares, the stiffnesses that collocation makes negative,
-and the number of branches that foretells held-out data best: another specimen, up to
+and the number of branches that predicts held-out data best: another specimen, up to
 its stiffness, or a stretch of the one hold there is.
 """
 

@@ -1,4 +1,4 @@
-"""Which inputs let a network foretell the stress: strain, past strains, strain rate?
+"""Which inputs let a network predict the stress: strain, past strains, strain rate?
 
 The four architectures of Table 6.3 are cross-validated with 20 neurons on a tenth of
 the samples, as in Table 6.4 and Figs 6.2 and 6.3 of the thesis, and by strain rate.
@@ -104,7 +104,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any]:
             tags={"best": best},
         )
         entries = [trial_entry(t) for of in trials.values() for t in of.values()]
-        told = sweep.told(headline, trials=entries)
+        told = sweep.entry(headline, trials=entries)
     print(f"\n{data.label}: best {best}\n\n{text}\n")
     if sweep.from_store():
         print(sweep.from_store())

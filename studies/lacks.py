@@ -1,4 +1,4 @@
-"""Which physics does a network lack, where a piecewise-linear model foretells better?
+"""Which physics does a network lack, where a piecewise-linear model predicts better?
 
 For each material of `studies.architectures` on which the best piecewise-linear model
 has less error than the chosen network at what was never seen: the network is trained

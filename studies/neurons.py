@@ -164,7 +164,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any] | No
         kept = {"best": chosen, "network": network.source}
         text = shown.track(sweep, places, grid, best, rows, headline, kept)
         sweep.register(network, ["best-random"])
-        told = sweep.told(
+        told = sweep.entry(
             headline,
             samples=sum(map(len, data.tensile)),
             specimens=len({r.specimen or r.name for r in data.tensile}),

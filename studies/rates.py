@@ -1,11 +1,11 @@
-"""Do springs fitted at one strain rate foretell the stress at the others?
+"""Do springs fitted at one strain rate predict the stress at the others?
 
 Table 5.2 and Figs 5.16 to 5.19 of the thesis: the generalisation error (eq. 5.13) of
 PL-SLS and PL-Wiechert with the strain-dependent stiffness k* taken from one rate, the
 published values beside. Beyond the thesis: k* from each of the rates in turn; every
 reading of the way to branches; branches at a share of their stiffness; springs and
-branches fitted to all rates together; each rate foretold from the others; and Std. Lin.
-SDS on the same footing.
+branches fitted to all rates together; each rate predicted from the others; and, in the
+same way, Std. Lin. SDS.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from softnn.study.baselines import (
     softened,
 )
 from softnn.study.common import markdown, percent
-from softnn.study.foretold import foretold, std_lin_sds
+from softnn.study.left_out_rate import error_by_rate, std_lin_sds
 from softnn.study.piecewise import Case, Work, carry_out, speed_label
 from studies.shown.rates import draw, rows_of
 
@@ -61,7 +61,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
             for rate, fits in found.items()
         }
         joint = jointly(model, case.curves)
-        apart = foretold(model, case)
+        apart = error_by_rate(model, case)
         published = case.published("5.2", model)
         models[model] = {
             "fitted_at": thesis,

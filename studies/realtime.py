@@ -1,4 +1,4 @@
-"""Why does a network that foretells tensile tests fail on a sine in real time?
+"""Why does a network that predicts tensile tests fail on a sine in real time?
 
 Section 7.3 of the thesis (Figs 7.2, 7.3): four sines of strain, at 1 kHz, into networks
 trained on tensile tests, with the strain rate from the sine and with a constant one.

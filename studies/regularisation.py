@@ -119,7 +119,7 @@ def study(
             tags={"best": best},
         )
         entries = [trial_entry(t) for t in sweep.trials]
-        told = sweep.told(headline, trials=entries)
+        told = sweep.entry(headline, trials=entries)
     print(f"\n{data.label}: best on folds drawn anew {best}\n\n{text}\n")
     if sweep.from_store():
         print(sweep.from_store())

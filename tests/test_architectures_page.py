@@ -37,7 +37,6 @@ def result(data, material, unseen):
             {
                 "material": material,
                 "label": f"{material}, {data}",
-                "sentence": f"{material}: take this.",
                 "unseen": "rate",
                 "headline": {"trials_stopped": 1},
                 "trials": [best, best],
@@ -80,9 +79,11 @@ def test_real_recordings_come_first_and_figures_are_those_of_the_files(written):
     assert "| PL-Wiechert | - | - |" in cells
     assert "Left out: putty: one recording only" in cells
     # Where PL is better it is said: 0.3 and 0.4 more than it.
-    assert "VHB: take this. **PL-SLS foretells" in text
+    assert text.count("**PL-SLS predicts a rate never seen better") == 1
     assert "by 35.0 %: take it there" in text
-    assert "NR: take this.\n" in text
+    network = "FFRI1, 3 neurons, bayesian. NRMSE 60.0 ± 10.0 % by unseen rate. "
+    assert f"- **For a rate never seen**: {network}Best other model: PL-SLS" in text
+    assert "The network is worse by 35.0 ± 5.0 %." in text
 
 
 def test_what_simulated_recordings_are_worth_is_said(written):
@@ -108,7 +109,7 @@ def test_what_simulated_recordings_are_worth_is_said(written):
     (results / "lacks.json").write_text(json.dumps(lacks))
     text = make(results, home).read_text()
     assert "60.0 +- 10.0 % | 20.0 +- 0.0 % | 40.0 +- 10.0 %" in re.sub(" +", " ", text)
-    assert "Of 0.1 /s, where it is worst, a diagnosis of the network (FFRI1;" in text
+    assert "Diagnosis of the network where it is worst, 0.1 /s (FFRI1;" in text
 
 
 def test_without_results_the_page_names_the_command(tmp_path):

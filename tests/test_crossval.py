@@ -59,7 +59,7 @@ def test_more_specimens_than_folds_share_folds():
 def test_specimens_not_told_apart_are_said_to_be():
     folds = make_folds(recordings("sssss"), INDEX, "specimen")
     assert len(folds.test) == 5
-    assert "not told apart" in folds.note
+    assert "name no specimens" in folds.note
 
 
 def test_rates_measured_twice_are_one():

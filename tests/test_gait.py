@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from softnn.contracts import InputError
-from softnn.study.ranges import Area, Query, inwards, outline, published, supported, who
+from softnn.study.ranges import (
+    Area,
+    Query,
+    inwards,
+    outline,
+    published,
+    studies_of,
+    supported,
+)
 from studies import gait
 
 
@@ -36,7 +44,7 @@ def test_agrees_with_counting_point_by_point():
         ends = np.sort(np.clip([*ends, query.low, query.high], query.low, query.high))
         groups = (ends[1:] + ends[:-1])[np.diff(ends) > 0] / 2
         for value in rng.uniform(0, 10, 40):
-            least = min(len(who(areas, g, value)) for g in groups)
+            least = min(len(studies_of(areas, g, value)) for g in groups)
             inside = any(a < value < b for a, b in ranges)
             assert inside == (least >= query.studies)
 

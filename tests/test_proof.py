@@ -192,7 +192,7 @@ def test_the_page_quotes_the_results(tmp_path):
     assert "| F1 | 0.877 | 0.8, met | 0.877 | 0.8, met |" in cells
     assert "| two | - | - | - | - |" in cells
     assert "in 31 of 40 cases with one effect" in text
-    assert "named in 94 % (79 to 98)" in text
+    assert "named the effect in 94 % (79 to 98)" in text
     assert "`abcdef0123456789...`" in text
     assert "| two effects | one found | 1 |" in cells
     # All four at strength 1, one at 0.1: 5 of 8, over a power of 0.95.
@@ -215,17 +215,17 @@ def test_the_page_quotes_the_results(tmp_path):
     ]
     assert "| slack | 90 % (60 to 98) | 10 |" in cells
     assert "| a new name, nothing made | 25 % (5 to 70) | 4 |" in cells
-    assert f"to be found on top of what is there. {SAID}" in text
+    assert f"beside the effects of the material. {SAID}" in text
     assert "Strength 0.3, seed 10007: 61 cases" in text
     assert text.count(SAID) == 5  # two trials, the rivals twice, the made faults
-    assert "within 5 % of their range, 100 % (68 to 100) of 8 were found" in text
+    assert "range. There 100 % (68 to 100) of 8 faults were found." in text
     lost = [c for c in cells if c.startswith(("| film a", "| tape a"))]
     assert lost == [  # what is least explained first
         "| tape a | 8.88 % | lag: not lag; slip: not slip |",
         "| film a | 1.21 % | lag: not lag |",
     ]
-    assert "agree with it in 7. Of 6 predictions with a bar 5 meet it" in text
-    assert "is missed by 30.00 % by the base and by - with" in text
+    assert "in 7 of them. Of 6 predictions with a bar 5 meet it" in text
+    assert "with an error of 30.00 %; with the named effects it is - (" in text
     shown = re.findall(r"!\[.+?\]\((.+?)\)", text)
     assert len(shown) == 3
     assert all((docs / s).stat().st_size > 3000 for s in shown)
@@ -295,7 +295,7 @@ def test_older_results_are_read_too(missing, tmp_path):
         one["all"]["effects"] = {}
     write(tmp_path / "results", "concealed", {"trials": {"y": one}})
     text = make.make(tmp_path / "results", tmp_path).read_text()
-    assert ("accepted by eye" in text) == (missing != "concealment")
+    assert ("looks good by eye" in text) == (missing != "concealment")
 
 
 def test_kinds_that_a_law_was_written_for_are_counted_apart():
@@ -332,7 +332,7 @@ def test_bases_stand_in_one_order_whichever_ran_last():
 def test_lists_of_equivalents_are_told_where_something_is_named():
     some = {"rate": 0.25, "of": 8}
     told = limits.lists_sentence({"with_a_list": some, "mean_length": 0.5})
-    assert "empty in 75 % of 8 cases, of 0.5 effects" in told
+    assert "empty in 75 % of 8 cases and has 0.5 effects" in told
     none = {"rate": None, "of": 0}
     assert limits.lists_sentence({"with_a_list": none, "mean_length": None}) == ""
 

@@ -316,7 +316,7 @@ def test_two_effects_of_new_specimens_and_whether_there_is_a_third():
 @pytest.mark.parametrize(
     ("recordings", "said"),
     [(["b"], " in b (95 %) was"), (["a", "b", "c"], " in 3 of 4 recordings (95 %) was"),
-     (["a", "b", "c", "d"], "Zero offset (95 %) was")],
+     (["a", "b", "c", "d"], "A zero offset (95 %) was")],
 )  # fmt: skip
 def test_a_fault_is_told_with_the_recordings_that_have_it(recordings, said):
     result = told(tuple("abcd")).result

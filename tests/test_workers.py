@@ -75,7 +75,7 @@ def test_a_command_that_a_study_runs_ends_with_it(tmp_path):
     if left:
         os.kill(command, signal.SIGKILL)
     assert (study.returncode, left) == (130, False)
-    assert said.strip() == "stopped; what is finished is kept"
+    assert said.strip() == "stopped; finished trials are kept"
 
 
 LOST = """
@@ -108,4 +108,4 @@ def test_ctrl_c_within_a_collector_s_callback_is_not_lost():
     )
     assert done.returncode == 130, done
     assert "went on" not in done.stdout
-    assert done.stderr.strip() == "stopped; what is finished is kept"
+    assert done.stderr.strip() == "stopped; finished trials are kept"

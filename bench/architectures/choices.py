@@ -147,9 +147,10 @@ def rival_of(
 
 
 def worse_by(one: Mapping[str, Any]) -> tuple[str, float] | None:
-    """The piecewise model that foretells what was never seen better, and by how much.
+    """Return the piecewise model better than the network on unseen data, and its lead.
 
-    `one` is a material of the result file; None where nothing does beyond doubt.
+    `one` is a material of the result file. None if no model is better by more than one
+    standard error.
     """
     rival = rival_of(one["baselines"], "unseen", "PL")
     if rival is None:

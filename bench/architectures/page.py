@@ -23,7 +23,7 @@ from bench.architectures.choices import (
     standard_error,
     worse_by,
 )
-from bench.architectures.report import draw, table
+from bench.architectures.report import answers, draw, table
 from bench.checking import moved
 from softnn.search.samplers import STARTUP
 from softnn.study import common
@@ -31,29 +31,42 @@ from softnn.study import common
 ROOT = Path(__file__).resolve().parents[2]
 MADE = (
     "Made by `python -m studies.architectures_page` from `studies/results`; no number "
-    "here is typed. Errors are NRMSE, +- one standard error over folds. Of a search "
-    f"the {FINALISTS} best for a use are judged once more, with other random folds and "
-    "starting weights; by both a network is chosen, the smallest of those that tie "
-    "with the best: behind by no more than one standard error of the paired "
-    "difference over folds, nor of the best itself. What was chosen is judged again: "
-    "random folds and starting weights are drawn anew, the "
-    "rates or recordings held out are those it was chosen by, so that error is a "
-    "little flattered. Piecewise-linear models (PL) and boosted trees are fitted, and "
-    "chosen, on the training recordings of each fold alone. A search begins with every "
-    "architecture at 4 and 12 neurons, Bayesian regularisation where there is one, and "
-    "draws at random "
-    f"up to trial {STARTUP}; only then does the sampler follow the front. A search of "
-    "fewer trials compares architectures, and says little of neurons or of "
-    "regularisation."
+    "here is typed. Errors are NRMSE, +- one standard error over folds.",
+    "How a network is chosen: the search ends with "
+    f"the {FINALISTS} best networks for each use. These are trained again with other "
+    "random folds and other starting weights. Of the networks that tie with the best "
+    "the smallest is chosen. A tie means: behind by at most one standard error of the "
+    "paired difference over folds, and by at most one of the best itself. The error "
+    "shown is that of a further training with new random folds and weights. The rates "
+    "or recordings held out stay the same, so that error is a little flattered.",
+    "Piecewise-linear models (PL) and boosted trees are fitted and chosen on the "
+    "training recordings of each fold alone.",
+    "A search begins with every architecture at 4 and 12 neurons, with Bayesian "
+    "regularisation if the architecture has it. It draws at random up to trial "
+    f"{STARTUP}, and then the sampler follows the front. A search of fewer trials "
+    "compares architectures, but hardly neurons or regularisation.",
 )
 ABOUT = (
-    "For those who want a network, and ask which one. The first table has two answers "
-    "a material: for recordings one has, and for rates or specimens never seen, each "
-    "beside the best that is no network. FFRI1, FFRI2 and FFRI3 are networks whose "
-    "inputs are the strain now, and one and two samples before; FFRD4 has the strain "
-    "and its rate; FFH4 and FFH7 have the largest strain so far and filtered strains; "
-    "GRU is a gated recurrent network. PL is a piecewise-linear spring, with one "
-    "branch (PL-SLS) or several (PL-Wiechert)."
+    "This page is for those who want a network and ask which one. The first table has "
+    "two answers for each material: for recordings you have, and for rates or "
+    "specimens never seen. The best model that is no network stands beside each.",
+    "For a controller take the second answer, because a controller meets rates that "
+    "no test had. If the other model has the smaller error there, take that model. C "
+    "code exists for all of them but GRU and trees: "
+    "[controllers and FE codes](controllers.md). For a material of your own run "
+    '`make neurons ARGS="--data FOLDER"`.',
+    "- FFRI1, FFRI2, FFRI3: feed-forward networks. Inputs: the strain now; FFRI2 adds "
+    "the strain one lag before, FFRI3 that of two lags before.\n"
+    "- FFRD4: a feed-forward network of the strain and its rate.\n"
+    "- FFH4, FFH7: feed-forward networks of the strain, the largest strain so far and "
+    "the filtered past (FFH4: two filters; FFH7: five Maxwell branches).\n"
+    "- GRU: a gated recurrent network.\n"
+    "- PL: a piecewise-linear spring with one branch (PL-SLS) or several "
+    "(PL-Wiechert).\n"
+    "- bayesian, early-stopping, L2 with its weight: the regularisation of a network.\n"
+    "- lag: the time between two inputs of a network, or of its filters.\n"
+    "- random folds: samples left out at random. Unseen: whole rates, or recordings if "
+    "a material has one rate.",
 )
 JUDGED = (
     "Random folds put neighbours in time of one specimen on both sides, so they "
@@ -87,7 +100,7 @@ def make(results: Path, folder: Path) -> Path:
     files = result_files(results)
     docs = folder / "docs"
     (docs / "figures").mkdir(parents=True, exist_ok=True)
-    parts = ["# Which network for which use", ABOUT, MADE]
+    parts = ["# Which network for which use", *ABOUT, *MADE]
     parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
     lacks = lacks_of(results)
     for name, found in sections(files).items():
@@ -97,9 +110,9 @@ def make(results: Path, folder: Path) -> Path:
         parts += filter(None, [moved(results, *found["files"])])
         parts.append(f"![both errors of every trial](figures/{name}.png)")
         for one in found["materials"]:
-            said = one["sentence"] + worse(one) + lacks.get(one["label"], "")
+            said = [*answers(one), *worse(one), *lacks.get(one["label"], [])]
             shown = table(one["front"], one["baselines"], f"unseen {one['unseen']}")
-            parts += [f"### {one['label']}", said, shown]
+            parts += [f"### {one['label']}", listed(said), shown]
         parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
     parts += judged(results)
     parts += held_out(results)
@@ -131,11 +144,11 @@ def held_out(results: Path) -> list[str]:
     if not found:
         return []
     about = (
-        "Each material is judged on the rates (recordings, where it has one rate) that "
-        "its training leaves out. The convex network, and all about the "
-        "piecewise-linear models, is chosen inside each training set; the best "
-        "baseline is the best of them, and of trees, in hindsight. Free networks have "
-        "one size. `python -m studies.unseen` makes this."
+        "Each material is judged on the rates (recordings, if it has one rate) that "
+        "its training leaves out. The convex network and the piecewise-linear models "
+        "are chosen inside each training set. The best baseline is the best of these "
+        "models and of trees, in hindsight. Free networks have one size. "
+        "`python -m studies.unseen` makes this."
     )
     return [
         "## Rates never seen",
@@ -193,16 +206,16 @@ def title_of(found: Result) -> str:
 
 
 def run_of(found: Result) -> str:
-    """How it was run, in a sentence."""
+    """How it was run: trials, folds, samples, machine and time."""
     rows = []
     for one in found["materials"]:
         stopped = one["headline"]["trials_stopped"]
-        rows.append(f"{one['material']} {len(one['trials'])} ({stopped} stopped early)")
+        rows.append(f"{one['material']}: {len(one['trials'])}, {stopped} stopped early")
     seconds = found["headline"]["study_s"]
     took = "" if seconds is None else f" In all {seconds:.0f} s."
     given = found["settings"]
     return (
-        f"Trials: {', '.join(rows)}; {given['folds']} random folds, at most "
+        f"Trials:\n\n{listed(rows)}\n\n{given['folds']} random folds, at most "
         f"{given['samples']} samples a recording; {found['machine']}." + took
     )
 
@@ -213,7 +226,7 @@ def made_with(found: Iterable[Result]) -> str:
 
 
 def summary(found: Iterable[Result]) -> str:
-    """A row a material: what to take for which use, and the best that is no network."""
+    """Return a table, a row a material: network for each use, and the best other."""
     rows = []
     for file in found:
         for one in file["materials"]:
@@ -226,8 +239,8 @@ def summary(found: Iterable[Result]) -> str:
                 row.append(rival_cell(one, use))
             rows.append(row)
     header = ["material", "recordings"]
-    header += ["for recordings one has", "NRMSE", "best other"]
-    header += ["for what was never seen", "NRMSE", "best other"]
+    header += ["for recordings you have", "NRMSE", "best other"]
+    header += ["for rates or specimens never seen", "NRMSE", "best other"]
     return common.markdown(header, rows)
 
 
@@ -238,31 +251,38 @@ def rival_cell(one: Result, use: str) -> str | None:
     return f"{rival['model']} {common.percent(float(np.mean(rival[use])), 1)}"
 
 
-def worse(one: Result) -> str:
-    """That a piecewise model does better on what was never seen, where it does."""
+def listed(lines: Iterable[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def worse(one: Result) -> list[str]:
+    """A line that a piecewise model is better on unseen data, if it is."""
     found = worse_by(one)
     if found is None:
-        return ""
+        return []
     model, gap = found
-    return (
-        f" **{model} foretells what was never seen better than the network chosen**, "
-        f"by {common.percent(gap, 1)}: take it there."
-    )
+    model += "," * ("," in model)
+    return [
+        f"**{model} predicts a {one['unseen']} never seen better than the network "
+        f"chosen**, by {common.percent(gap, 1)}: take it there."
+    ]
 
 
-def lacks_of(results: Path) -> dict[str, str]:
-    """What the network lacks, by a diagnosis, by material: see `studies.lacks`."""
+def lacks_of(results: Path) -> dict[str, list[str]]:
+    """Diagnosis of the network where it is worst, by material: see `studies.lacks`."""
     found = read(results / "lacks.json")
     return {
-        label: f" Of {one['unseen']}, where it is worst, a diagnosis of the network "
-        f"({one['network']}; `python -m studies.lacks`) says: {one['summary']} "
-        + common.made_with({**found, **one})
+        label: [
+            f"Diagnosis of the network where it is worst, {one['unseen']} "
+            f"({one['network']}; `python -m studies.lacks`). {one['summary']} "
+            + common.made_with({**found, **one})
+        ]
         for label, one in found.get("materials", {}).items()
     }
 
 
 def augmented(results: Path) -> list[str]:
-    """What simulated recordings beside measured ones are worth."""
+    """Return the part on training with simulated recordings added."""
     found = read(results / "augmentation.json")
     if not found:
         return []
@@ -281,10 +301,11 @@ def augmented(results: Path) -> list[str]:
     header = ["material", "inputs", "unseen", "without", "with", "gain, paired"]
     return [
         "## Recordings simulated by a fitted model, added to training",
-        f"{found['neurons']} neurons, Bayesian regularisation, by what was never seen "
-        "(section 8.3 of the thesis; `python -m studies.augmentation`). By more than "
-        f"one standard error over folds it helps {head['helped']} and harms "
-        f"{head['harmed']} of {head['networks']} networks. {common.made_with(found)}",
+        f"{found['neurons']} neurons, Bayesian regularisation, judged on rates or "
+        "recordings never seen (section 8.3 of the thesis; `python -m "
+        "studies.augmentation`). By more than one standard error over folds it helps "
+        f"{head['helped']} and harms {head['harmed']} of {head['networks']} networks. "
+        f"{common.made_with(found)}",
         *filter(None, [moved(results, "augmentation", "lacks")]),
         common.markdown(header, rows),
         *(f"Left out: {label}: {why}" for label, why in found["left_out"].items()),

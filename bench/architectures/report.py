@@ -1,23 +1,21 @@
-"""How the study of architectures shows what it found: a sentence, a table, a figure."""
+"""Results of the study of architectures as text, as a table and as a figure."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bench.architectures.choices import (
     USES,
-    Choice,
     described,
-    folds,
+    folds_of,
     paired,
     rival_of,
     standard_error,
-    words,
 )
-from softnn.search import Finished
 from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure, percent
 
 if TYPE_CHECKING:
@@ -31,61 +29,46 @@ FACES = {"as in the thesis": "white", "any reading of the holds": "#bbbbbb"}
 WORST = 2.0  # NRMSE beyond which nothing is drawn
 
 
-def sentence(
-    label: str,
-    unseen: str,
-    best: Mapping[str, Choice],
-    anew: Mapping[str, Finished],
-    beside: Sequence[Mapping[str, Any]],
-) -> str:
-    """Which configuration to take for which use, with errors of folds drawn anew."""
-    return (
-        f"{label}: "
-        + "; ".join(_of_use(use, unseen, best[use], anew[use], beside) for use in USES)
-        + "."
-    )
+def answers(one: Mapping[str, Any]) -> list[str]:
+    """What to take for each use, a line each, from a material of the result file.
+
+    Errors are of folds drawn anew, with one standard error over folds.
+    """
+    return [_of_use(use, one) for use in USES]
 
 
-def _of_use(
-    use: str,
-    unseen: str,
-    one: Choice,
-    anew: Finished,
-    beside: Sequence[Mapping[str, Any]],
-) -> str:
-    mine = folds(anew, use)
+def _of_use(use: str, one: Mapping[str, Any]) -> str:
+    chosen, mine = one["choices"][use], folds_of(one["choices"][use]["anew"], use)
     means = {
-        "random": "between samples of recordings one has",
-        "unseen": f"for a {unseen} never seen",
+        "random": "For recordings you have",
+        "unseen": f"For a {one['unseen']} never seen",
     }[use]
-    judged = "by random folds" if use == "random" else WORDS[unseen]
+    judged = "by random folds" if use == "random" else WORDS[one["unseen"]]
     error = _pm(float(mine.mean()), standard_error(mine))
-    text = f"{means} take {one.words} ({error} {judged}; "
-    if one.ties > 1 and one.trial.number == one.best.number:
-        text += (
-            f"the best, and {one.ties - 1} tie with it; fewest neurons of the tie "
-            f"{one.fewest}"
+    text = [f"**{means}**: {chosen['words']}. NRMSE {error} {judged}."]
+    ties, best = chosen.get("ties", 1), chosen.get("best")
+    if ties > 1 and best is not None and described(best) == chosen["words"]:
+        others = "1 other ties" if ties == 2 else f"{ties - 1} others tie"
+        text.append(f"It is the best network of the search; {others} with it.")
+    elif ties > 1 and best is not None:
+        text.append(
+            f"It is the smallest of {ties} that tie with the best ({described(best)})."
         )
-    elif one.ties > 1:
-        gap, within = one.ahead
-        text += (
-            f"a tie of {one.ties} with the best, {words(one.best)}, which is ahead by "
-            f"{_pm(gap, within, 2)}; fewest neurons of the tie {one.fewest}"
-        )
-    else:
-        text += "no ties"
-    rival = rival_of(beside, use)
+    if ties > 1:
+        text.append(f"Fewest neurons among them: {chosen['fewest_neurons_of_ties']}.")
+    rival = rival_of(one["baselines"], use)
     if rival is None:
-        return text + ")"
-    text += f"; {rival['model']} {percent(float(np.mean(rival[use])), 1)}"
+        return " ".join(text)
+    error = percent(float(np.mean(rival[use])), 1) or "-"
+    text.append(f"Best other model: {rival['model']}, {error}.")
     if use == "unseen":  # folds drawn anew are other ones where they are random
         gap, within = paired(mine, np.array(rival[use]))
         if abs(gap) <= within:
-            text += f", a tie with the network ({_pm(gap, within)})"
+            text.append(f"The two tie (difference {_pm(gap, within)}).")
         else:
             verdict = "better" if gap < 0 else "worse"
-            text += f", the network is {verdict} by {_pm(abs(gap), within)}"
-    return text + ")"
+            text.append(f"The network is {verdict} by {_pm(abs(gap), within)}.")
+    return " ".join(text)
 
 
 def _pm(mean: float, error: float, digits: int = 1) -> str:
@@ -175,7 +158,7 @@ def _panel(axes: Axes, one: Mapping[str, Any]) -> None:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
-    axes.set_title(one["label"], fontsize=8)
+    axes.set_title(fill(one["label"], 42), fontsize=8)
     axes.set_xlabel("NRMSE by random folds [%]")
     axes.set_ylabel(f"NRMSE {WORDS[one['unseen']]} [%]")
     axes.grid(color=FAINT, alpha=0.25, linewidth=0.6, which="both")

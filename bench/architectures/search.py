@@ -23,7 +23,7 @@ from bench.architectures.choices import (
     headline_of,
     rows_of,
 )
-from bench.architectures.report import draw, sentence, table
+from bench.architectures.report import draw, table
 from bench.architectures.trials import (
     ALL_GIVEN,
     FIRST_OF,
@@ -100,11 +100,10 @@ def searched(
         headline = headline_of(tried, best, anew) | {"take_unseen": takes["model"]}
         for row in rest.rows:
             sweep.beside(row, judge.unseen)
-        found = sweep.told(
+        found = sweep.entry(
             headline,
             samples=sum(map(len, data.tensile)),
             unseen=judge.unseen,
-            sentence=sentence(data.label, judge.unseen, best, anew, rest.baselines),
             take=said,
             choices={use: one.entry(anew[use]) for use, one in best.items()},
             front=rows_of(front(tried), folds=True),

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 from bench.proof.page import Page, Result
 
-# Kinds on no list that softnn.mismatch.strangers has a law for, written knowing them.
+# Unlisted kinds that a law in softnn.mismatch.strangers was written for, knowing them.
 WITH_LAWS = (
     "creep_damage",
     "crystallisation",
@@ -23,6 +23,14 @@ WITH_LAWS = (
     "one_way_flow",
     "stiction",
     "thixotropy",
+)
+
+
+KINDS = (
+    "A *null* case has no concealed effect, a *single* case one, a *pair* two. An "
+    "*alien* case has an effect that is not on softnn's list (in the tables: on no "
+    "list). The *strength* scales the size of the effect. The *oracle* is a test "
+    "that knows the true law: no method can see more."
 )
 
 
@@ -43,17 +51,17 @@ def concealed(page: Page, found: Result) -> None:
         counts = ", ".join(f"{g['of']} {name}" for name, g in groups)
         page.say(
             f"Strength {record['strength']:g}, seed {record['seed']}: "
-            f"{record['cases']} cases ({counts}); SHA-256 of the key, on file before "
-            f"anything was diagnosed: `{record['key_sha256'][:16]}...`. "
+            f"{record['cases']} cases ({counts}). SHA-256 of the key, filed before the "
+            f"first diagnosis: `{record['key_sha256'][:16]}...`. "
             f"{made_with(record)}"
         )
     page.say(*dict.fromkeys(t["record"].get("note", "") for t in trials))
-    page.say("### What was found", bars_table(trials))
+    page.say(KINDS, "### Shares found", bars_table(trials))
     for t in trials:
         page.say(hidden_sentence(t))
         page.say(strangers_sentence(t))
     page.figure("proof-concealed", concealed_figure(trials), "right and alone")
-    page.say("### What was not found, and why")
+    page.say("### Misses and their causes")
     for t in trials:
         page.say(causes_table(t))
 
@@ -82,16 +90,16 @@ def hidden_sentence(trial: Result) -> str:
         return ""
     one, limit = hidden["groups"]["single"], hidden["accepted_below_nrmse"]
     return (
-        f"At strength {strength_of(trial):g} the base alone, refitted, is within "
+        f"At strength {strength_of(trial):g} the refitted base is within "
         f"{percent(limit, 0)} of the recordings in {one['accepted']['right']} of "
-        f"{one['accepted']['of']} cases with one effect: a fit that would be accepted "
-        f"by eye. In those the effect was named in {share(one['named'])}, and nothing "
-        f"else with it in {share(one['right'])}."
+        f"{one['accepted']['of']} cases with one effect, a fit that looks good by eye. "
+        f"In those softnn named the effect in {share(one['named'])}, and nothing else "
+        f"with it in {share(one['right'])}."
     )
 
 
 def strangers_sentence(trial: Result) -> str:
-    """What is on no list, with and without a law that was written for it."""
+    """Return the share of unlisted effects left unnamed, with and without a law."""
     kinds = trial.get("aliens", {})
     apart = []
     for known in (True, False):
@@ -103,9 +111,10 @@ def strangers_sentence(trial: Result) -> str:
         return ""
     with_law, without = (f"{share(a)} of {a['of']}" for a in apart)
     return (
-        f"At strength {strength_of(trial):g}, of what is on no list, the kinds that "
-        f"softnn has a law for by now ({', '.join(WITH_LAWS)}) got no name "
-        f"in {with_law}; the others in {without}."
+        f"At strength {strength_of(trial):g}, an effect that is not on softnn's list "
+        "should get no name. Kinds for which softnn has a law by now "
+        f"({', '.join(WITH_LAWS)}) got none in {with_law} cases, other kinds in "
+        f"{without}."
     )
 
 
@@ -138,7 +147,7 @@ def concealed_figure(trials: Sequence[Result]) -> Figure:
 
 
 def causes_table(trial: Result) -> str:
-    """Misses by what was planted and why, the most frequent first."""
+    """Return a table of misses by concealed effect and cause, most frequent first."""
     strength = strength_of(trial)
     if not trial["misses"]:
         return f"At strength {strength:g} nothing was missed."

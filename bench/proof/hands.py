@@ -1,4 +1,4 @@
-"""The page of the trial by other hands, and of every seed that was ever opened."""
+"""The page of the trial by other hands, and of every trial so far."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 
 Result = Mapping[str, Any]
 POOLED = 5  # draws of the families held out, shown together
+MOST_NAMED = 3  # earlier openings that are listed; of more, number and dates
 SAME, FALSE = 0.98, 0.02  # bars for recordings that are hardly changed, or quieter
 LOCATED = (
     "Location and gain. F1 compares the samples in the regions of a diagnosis with "
-    "those in which what is concealed moves the stress by more than two sigmas of the "
-    "noise. The error is that on recordings without noise that nobody fitted; they "
-    "have no faults of single recordings (slack, slip, zero, gain, drift)."
+    "those where the concealed effect moves the stress by more than two sigmas of the "
+    "noise. The error is that on recordings without noise that no fit used. These have "
+    "no faults of single recordings (slack, slip, zero, gain, drift)."
 )
 CLASS_NAMES = {
     "null": "nothing left out",
@@ -40,11 +41,12 @@ CLASS_NAMES = {
 def hands(page: Page, found: Result) -> None:
     trials = found["trials"]
     page.say(
-        "An effect is named when it is in `selected`, at any probability. Right is: "
-        "those that are there and nothing else; where nothing was left out, "
-        "`nothing_missing`; of what is on no list, no name. Bars are for cases that "
-        f"can be seen: a refit of the base leaves a whitened energy above {SEEN:g}, of "
-        "two effects each that much beside the other. The others are counted apart."
+        "An effect is named if it is in `selected`, at any probability. An answer is "
+        "right if it names exactly the effects that are there. It is also right if "
+        "nothing is missing and it says `nothing_missing`, or if the effect is not on "
+        "softnn's list and it gives no name. Bars are for visible cases: a refit of "
+        f"the base leaves a whitened energy above {SEEN:g}, and so does each of two "
+        "effects beside the other. The others are counted separately."
     )
     page.figure("proof-hands-naming", naming_figure(trials), "right, class by class")
     page.figure("proof-hands-reliability", reliability_figure(trials), "reliability")
@@ -61,7 +63,7 @@ def hands(page: Page, found: Result) -> None:
             reporting.bars_table(t["bars"]),
             reporting.parts_table(t),
             reporting.effects_table(t),
-            "Of names at a probability, in all cases:",
+            "Names by their probability, in all cases:",
             reporting.calibration_table(t["all"]["calibration"]),
         )
         if "located" in t:
@@ -75,6 +77,9 @@ def opened_before(record: Result) -> str:
     before = record.get("opened_before")
     if not before:
         return ""
+    if len(before) > MOST_NAMED:
+        days = sorted(one.partition(",")[0] for one in before)
+        before = [f"{len(before)} times, {days[0]} to {days[-1]}"]
     return f"**Opened before** ({'; '.join(before)}): no fresh evidence."
 
 
@@ -82,11 +87,11 @@ def stability(page: Page, found: Result) -> None:
     rows = found["rows"]
     forged = sum(row["true"] is not None for row in rows)
     page.say(
-        f"Names of {forged} cases with a truth and of {len(rows) - forged} groups of "
-        "real recordings, and of the same hardly changed: the share in which they "
-        f"stay, or the verdict is undetermined both times (bar {100 * SAME:.0f} %). "
-        "With half the noise: the shares in which a true name goes (bar: none) or a "
-        f"false one comes (bar {100 * FALSE:.0f} %).",
+        f"{forged} cases with a known truth and {len(rows) - forged} groups of real "
+        "recordings are diagnosed twice: as they are, and after a small change. The "
+        "table has the share with the same names, or undetermined both times (bar "
+        f"{100 * SAME:.0f} %). With half the noise it has the share that loses a true "
+        f"name (bar: none) or gains a false one (bar {100 * FALSE:.0f} %).",
         markdown(
             ["change", "of", "cases"],
             [[k, str(v["of"]), share(v)] for k, v in found["rates"].items()],
@@ -99,9 +104,10 @@ def openings(page: Page, found: Result) -> None:
     draws = ledger.draws(rows, POOLED)
     sums = ledger.together(draws)
     page.say(
-        f"The {len(draws)} newest fresh draws of the families held out, by the code of "
-        "the time: all cases, those too that can hardly be seen. What one draw of some "
-        "fifty has more than another is mostly luck; no case was opened twice.",
+        f"The {len(draws)} newest fresh draws of the families held out, each judged by "
+        "the code of its time. All cases count, also hardly visible ones. Differences "
+        "between draws of some fifty cases are mostly chance. No case was opened "
+        "twice.",
         markdown(
             ["seed", "commit", *(CLASS_NAMES[c] for c in sums)],
             [
@@ -114,9 +120,9 @@ def openings(page: Page, found: Result) -> None:
         ),
     )
     page.say(
-        f"{len(rows)} openings, the newest first. Named and right, class by class, as "
-        "the rule of the time counted; of what is on no list, cases without any name. "
-        "Later changes were made knowing what was opened before.",
+        f"{len(rows)} openings, the newest first: right answers by class, by the rule "
+        "of the time. For effects that are not on softnn's list, cases without a name "
+        "count. Later changes of softnn were made with earlier results in sight.",
         ledger.table(rows),
     )
 

@@ -1,4 +1,4 @@
-"""The page's section on how small an effect may be."""
+"""The page's section on the smallest effect that softnn finds."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def limits(page: Page, found: Result) -> None:
         f"{found['record']['cases']} cases: {len(grid['effects'])} effects, strengths "
         f"{', '.join(f'{s:g}' for s in grid['strengths'])}, noise of {levels} of the "
         f"stress range, {', '.join(grid['colours'])}, in each cell "
-        f"{grid['cases']}. The oracle is the likelihood-ratio test that is told the "
-        "true form, the programme and the noise. Averaged over strengths softnn names "
+        f"{grid['cases']}. The oracle is a likelihood-ratio test that knows the true "
+        "law, the programme and the noise. Averaged over strengths softnn names "
         f"{head['power_ratio_mean']:.2f} of what the oracle sees; "
         f"{head['effects_at_bar']} of {head['effects']} effects are at "
         f"{head['power_ratio_bar']:g} or more."
@@ -41,10 +41,10 @@ def limits(page: Page, found: Result) -> None:
     ]
     page.say(
         markdown(
-            ["noise of nulls", "false alarms", "cases", "at most", "what was said"],
+            ["noise of nulls", "false alarms", "cases", "at most", "names"],
             rows,
         ),
-        "Everything is weighed by the noise as it is read off the recordings:",
+        "The likelihood uses the noise that softnn estimates from the recordings:",
         noise_table(found["noise"]),
     )
 
@@ -55,10 +55,10 @@ def lists_sentence(lists: Result) -> str:
     if not some["of"]:
         return ""
     return (
-        " What is named comes with a list of effects that could not be told from it "
-        f"there, empty in {percent(1 - some['rate'], 0)} of {some['of']} cases, of "
-        f"{lists['mean_length']:.2g} effects in the mean; to be on it is not counted "
-        "as named, but shown beside."
+        " Each name comes with a list of effects that fit equally well. The list is "
+        f"empty in {percent(1 - some['rate'], 0)} of {some['of']} cases and has "
+        f"{lists['mean_length']:.2g} effects in the mean. An effect on the list does "
+        "not count as named; the column *or listed* counts it."
     )
 
 
@@ -81,7 +81,7 @@ def limits_table(effects: Result) -> str:
             ]
         )
     heads = ["effect", "named over the oracle", "or listed", "90 % from strength"]
-    heads += ["from signal over noise", "the oracle's", "visible, yet said"]
+    heads += ["from signal over noise", "the oracle's", "visible, but the answer was"]
     return markdown(heads, rows)
 
 

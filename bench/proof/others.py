@@ -16,7 +16,7 @@ BASE = "pl-wiechert"  # of the real recordings that are shown
 
 
 def bases(found: Mapping[str, Mapping[str, Any]]) -> str:
-    """What comes out with each base: median errors on unseen recordings; the commit."""
+    """Return a table of the results by base: median errors on unseen recordings."""
     keys = ("unseen_nrmse_before_median", "unseen_nrmse_after_median")
     rows = [
         [
@@ -33,19 +33,19 @@ def bases(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def recordings(page: Page, found: Result) -> None:
-    """Predictions of what was not used, against the literature; and made faults."""
+    """Write predictions of unused recordings, names and literature, and made faults."""
     head = found["headline"]
     medians = [
         percent(head[f"cycles_from_first_loading_nrmse_{when}_median"])
         for when in ("before", "after")
     ]
     page.say(
-        f"Of {head['groups']} groups of recordings {head['groups_judged']} are of "
-        "materials of which the literature says what is in them; the names agree with "
-        f"it in {head['groups_in_agreement']}. Of {head['bars']} predictions with a "
-        f"bar {head['bars_met']} meet it. What comes after first loading, predicted "
-        f"from first loading alone, is missed by {medians[0] or '-'} by the base and "
-        f"by {medians[1] or '-'} with what was named (medians)."
+        f"For {head['groups_judged']} of {head['groups']} groups of recordings the "
+        "literature names the effects of the material. The names agree with it in "
+        f"{head['groups_in_agreement']} of them. Of {head['bars']} predictions with a "
+        f"bar {head['bars_met']} meet it. Fitted to first loading alone, the base "
+        f"predicts the later cycles with an error of {medians[0] or '-'}; with the "
+        f"named effects it is {medians[1] or '-'} (medians)."
     )
     if found.get("history"):
         page.say(history.ABOUT, history.table(found["history"]))
@@ -74,7 +74,7 @@ def recordings(page: Page, found: Result) -> None:
     if rows:
         page.say(
             markdown([*heads, "as the literature"], rows),
-            "\\* beyond all that was fitted. A bar is the largest error allowed.",
+            "\\* beyond the fitted range. A bar is the largest error allowed.",
         )
     faults = found.get("faults")
     if faults:
@@ -83,11 +83,11 @@ def recordings(page: Page, found: Result) -> None:
         entries.append(("a new name, nothing made", faults["new_without_a_fault"]))
         cells = [[name, share(e), e["of"]] for name, e in entries]
         page.say(
-            "Faults made on copies of real recordings, to be found on top of what is "
-            f"there. {made_with(faults)}",
+            "Faults were added to copies of real recordings; softnn should find them "
+            f"beside the effects of the material. {made_with(faults)}",
             markdown(["fault", "found", "copies"], cells),
-            "A false name is one that the original has not. In the last row the copy "
-            "has no fault but lacks a recording: names may come anyhow.",
+            "A false name is a name that the diagnosis of the original does not have. "
+            "In the last row the copy has no fault but lacks a recording.",
         )
         missed(page, faults)
 
@@ -102,13 +102,14 @@ def judged(bars: Mapping[str, float], met: bool | None) -> str | None:
 
 
 def missed(page: Page, faults: Mapping[str, Any]) -> None:
-    """Made faults that were not found, beside what of the original is not explained."""
+    """Write the faults not found, with the error of the original's correction."""
     close = faults["found_where_close"]
     lost: dict[tuple[str, str, float | None], list[Mapping[str, Any]]] = {}
     page.say(
-        "Where what softnn makes of the original foretells recordings left out within "
-        f"{percent(faults['close'], 0)} of their range, {share(close) or '-'} of "
-        f"{close['of']} were found. Those that were not:"
+        "In some sets the corrected model of the original predicts left-out recordings "
+        f"within {percent(faults['close'], 0)} of their range. There "
+        f"{share(close) or '-'} of {close['of']} faults were found. All faults that "
+        "were missed:"
     )
     for c in faults["copies"]:
         if not (c["found"] or c["there_before"]):
@@ -123,7 +124,7 @@ def missed(page: Page, faults: Mapping[str, Any]) -> None:
             lost.items(), key=lambda kv: -(kv[0][2] or 0)
         )
     ]
-    heads = ["recordings", "missed without a fault", "fault: what was said"]
+    heads = ["recordings", "error without a fault", "fault: names or verdict"]
     page.say(markdown(heads, rows) if rows else "")
 
 

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 Result = Mapping[str, Any]
 HOW = (
     "Every method gets the recordings that softnn fits, the same samples of them "
-    "(about {search} a recording at most), and no others. Where specimens differ in "
-    "scale, the scales are taken out for every method alike, and predictions are met "
-    "up to a factor, as softnn's are. What a method leaves open (segments, relaxation "
-    "times, features, sizes) is chosen by leaving out fitted recordings, one at a time "
-    "or one rate or amplitude at a time. The error is the NRMSE on the recordings that "
-    "are predicted, as `python -m studies.recordings` computes it."
+    "(about {search} a recording at most), and no others. If specimens differ in "
+    "scale, the scales are removed for every method, and a predicted specimen gets the "
+    "best scale, as for softnn. Segments, relaxation times, features and sizes are "
+    "chosen by leaving out fitted recordings: one at a time, or one rate or amplitude "
+    "at a time. The error is the NRMSE on the predicted recordings, as `python -m "
+    "studies.recordings` computes it."
 )
 DRAWN = (
     "To save time some learners draw from these samples: the Gaussian process predicts "
@@ -51,8 +51,8 @@ SHORT = "[All predictions, and how each method was fitted](rivals.md)."
 def short(page: Page, found: Result) -> None:
     """The summary, for the proof."""
     page.say(
-        "Unseen recordings of real materials, predicted by softnn and by what a user "
-        f"would pick instead. {page_count(found)}",
+        "Unseen recordings of real materials, predicted by softnn and by the methods "
+        f"that a user would pick instead. {page_count(found)}",
         as_markdown(found["summary"], found["methods"]),
         ABOUT,
         verdict(found["summary"], found["methods"]),
@@ -65,7 +65,7 @@ def page_count(found: Result) -> str:
     own = made_with(found["recordings_study"])
     return (
         f"{len(found['predictions'])} predictions from {len(sets)} sets of recordings. "
-        f"The base and softnn: {own}"
+        f"Base and softnn: {own}"
     )
 
 
@@ -73,8 +73,8 @@ def whole(page: Page, found: Result) -> None:
     """The summary, who wins where, and every error."""
     rows, what = found["predictions"], found["methods"]
     page.say(
-        "For readers who ask whether a simpler fit, a published law or a learner "
-        "predicts recordings as well as softnn does.",
+        "This page is for readers who ask whether a simpler fit, a published law or a "
+        "learner predicts recordings as well as softnn does.",
         HOW.format(search=SEARCH),
         DRAWN.format(
             process=learners.PROCESS_ROWS[1],
@@ -85,7 +85,7 @@ def whole(page: Page, found: Result) -> None:
         as_markdown(found["summary"], what),
         ABOUT,
         verdict(found["summary"], what),
-        "## By what is predicted",
+        "## By kind of prediction",
         "The rules of softnn were made with the sets of development in sight. The sets "
         "held back were opened when the rules stood.",
         by_kind(rows, what),

@@ -25,7 +25,7 @@ Result = Mapping[str, Any]
 
 
 def headline_of(body: Result) -> dict[str, Any]:
-    """What issues and texts quote, flat."""
+    """Return the figures that texts quote, in a flat dict."""
     out: dict[str, Any] = {}
     for row in body["problems"]:
         short = row["name"].replace(", ", " ").replace(" ", "_")
@@ -55,11 +55,11 @@ def report(body: Result) -> str:
         [row["name"], *(common.percent(row["nrmse"].get(n), 1) for n in names)]
         for row in body["problems"]
     ]
-    return common.markdown(["not learned from", *names], rows)
+    return common.markdown(["unseen recordings", *names], rows)
 
 
 def bars(body: Result) -> list[list[str]]:
-    """What issue 27 asks, what was found, whether it is met: a row each."""
+    """Return a row for each bar: name, figure, bar, and whether it is met."""
     rows: list[list[str]] = []
 
     def one(what: str, found: str, bar: str, met: bool) -> None:
@@ -113,24 +113,27 @@ def write_page(results: Path, docs: Path = DOCS) -> Path:
     body = json.loads(file.read_text(encoding="utf-8"))
     parts = [
         "# The network that survives",
+        "This page is for those who want a network for a controller. It tests a "
+        "network of the strain history on recordings that it has not seen.",
         "Made by `python -m studies.survivor` from `studies/results/survivor.json`; no "
         f"number here is typed. {made(body)}",
         *filter(None, [moved(results, "survivor")]),
-        "`FFH7` is one layer of tanh neurons, Bayesian-regularised, over the strain, "
-        "the largest strain so far and the strain of the springs of five Maxwell "
-        "branches a decade apart: no derivative. Inputs are held within those "
-        "of the training and the stress has one sign, as a slack strip bears nothing. "
-        "It learns from cyclic recordings, made alike by the factor of each specimen "
-        "to the corrected physical model, and from "
-        f"{body['size']['simulated']} histories that this model "
-        "simulates, also beyond rest, a fifth farther and at other rates "
-        "(`softnn.taught`). A recurrent "
-        f"network (GRU of {body['size']['units']} units) and "
-        f"{body['size']['gaussians']} Gaussian units learn from the same; FFRD4 and "
-        "FFRI1-3 from the recordings alone, alike too. All "
-        "are judged on recordings that none has learned from, of other specimens (of "
-        "the virtual material: the mean specimen).",
-        common.markdown(["what is asked", "found", "bar", "met"], bars(body)),
+        "`FFH7` is one layer of tanh neurons with Bayesian regularisation. Its inputs "
+        "are the strain, the largest strain so far, and the strain of the springs of "
+        "five Maxwell branches a decade apart; it needs no derivative. Inputs are "
+        "held within the training range. The stress has one sign, as a slack strip "
+        "bears nothing.",
+        "It learns from cyclic recordings and from "
+        f"{body['size']['simulated']} simulated histories (`softnn.taught`). The "
+        "recordings are scaled to the corrected physical model, specimen by specimen. "
+        "The same model simulates the histories, also beyond rest, to a fifth more "
+        "strain and at other rates.",
+        f"A recurrent network (GRU of {body['size']['units']} units) and "
+        f"{body['size']['gaussians']} Gaussian units learn from the same data. FFRD4 "
+        "and FFRI1-3 ([defined here](architectures.md)) learn from the scaled "
+        "recordings alone. All are judged on unseen recordings of other specimens; "
+        "for the virtual material, of the mean specimen.",
+        common.markdown(["figure", "found", "bar", "met"], bars(body)),
     ]
     if "sines" in body:
         place = docs / "figures"
@@ -138,14 +141,13 @@ def write_page(results: Path, docs: Path = DOCS) -> Path:
         draw(body).savefig(place / "survivor.png", dpi=100)
         parts.append("![sines of section 7.3, and errors](figures/survivor.png)")
     parts += [
-        "## NRMSE on what was not learned from",
+        "## NRMSE on unseen recordings",
         report(body),
-        "The corrected model has, beside PL-Wiechert: "
-        + "; ".join(
-            f"{row['name']}: {', '.join(row['selected']) or 'nothing'}"
+        "Effects of the corrected model, beside PL-Wiechert:",
+        "\n".join(
+            f"- {row['name']}: {', '.join(row['selected']) or 'none'}"
             for row in body["problems"]
-        )
-        + ".",
+        ),
     ]
     if "sines" in body:
         parts += ["## The sines of section 7.3", sine_table(body), real_time(body)]
@@ -187,13 +189,14 @@ def real_time(body: Result) -> str:
     fast = body["real_time"]
     net, base = (fast["step_ns"][k] for k in ("network", "corrected"))
     return (
-        f"In C, mean of {fast['steps']:g} steps and of the slowest thousand in a row: "
-        f"network {net['mean']:.0f} and {net['slowest_1000']:.0f} ns, PL-Wiechert of 8 "
-        f"branches with softening and set {base['mean']:.0f} and "
-        f"{base['slowest_1000']:.0f} ns (by the clock, interruptions included). "
-        f"Walking under its estimate the torque is off by "
-        f"{100 * fast['walking']['rms_error']:.2f} % of 15 Nm (rms); of that the "
-        f"estimate's is {100 * fast['walking']['rms_of_estimate']:.2f} %."
+        f"Time of a step in C, mean of {fast['steps']:g} steps: network "
+        f"{net['mean']:.0f} ns, PL-Wiechert of 8 branches with softening and set "
+        f"{base['mean']:.0f} ns. In the slowest thousand in a row: "
+        f"{net['slowest_1000']:.0f} and {base['slowest_1000']:.0f} ns (wall clock, "
+        "interruptions included). In a simulated walk that relies on the estimate of "
+        "the network, the torque is off by "
+        f"{100 * fast['walking']['rms_error']:.2f} % of 15 Nm (rms). The error of the "
+        f"estimate alone is {100 * fast['walking']['rms_of_estimate']:.2f} %."
     )
 
 

@@ -90,9 +90,9 @@ class Project:
 
     @property
     def digest(self) -> str:
-        """SHA-256 (hex) of which files there are, and of all that was chosen of them.
+        """Return the SHA-256 (hex) of the list of files, and of all choices for them.
 
-        A file is never written twice, so its date stands for what is in it.
+        A file is never written twice, so its date stands for its content.
         """
         beside = ("title", "network")  # what no diagnosis depends on
         asked = {k: v for k, v in self.choices.items() if k not in beside}

@@ -82,7 +82,7 @@ class Training:
                     tag(
                         "img",
                         src=f"/project/{self.project.id}/network.png?{result['made']}",
-                        alt="Error of networks by random folds and for what is unseen",
+                        alt="Error of networks by random folds, and on unseen data",
                     )
                     for one in result["materials"]:
                         self.material(one)

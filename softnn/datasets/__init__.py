@@ -130,7 +130,7 @@ def fetch(name: str, mirror: str = MIRROR) -> Path:
 
 
 def verify(name: str) -> list[str]:
-    """What is wrong with a fetched set, a line each; nothing where it is whole."""
+    """Return the faults of a fetched set, a line each; nothing if it is complete."""
     chosen = published_set(name)
     try:
         told = json.loads((chosen.folder / SOURCE).read_text(encoding="utf-8"))

@@ -41,6 +41,7 @@ class FiniteStrain(Effect):
     off = {"amount": 0.0}
     amplitude = "amount"
     shape: tuple[str, ...] = ("section",)
+    spoken = "finite-strain viscoelasticity"
     where = "in the viscous part, at large strain"
     twins = {
         "strain_dependent_relaxation": "cycles to larger strain",

@@ -28,6 +28,7 @@ class GainError(Effect):
     per_recording = ("error",)
     some = True
     scatter = True
+    spoken = "a gain error"
     where = "all through some recordings, in proportion to the stress"
     twins = {
         "thermal_softening": "one recording over which the temperature changes",

@@ -36,6 +36,7 @@ class LoadCellDrift(Effect):
     )
     off = {"drift_MPa_per_s": 0.0}
     amplitude = "drift_MPa_per_s"
+    spoken = "load-cell drift"
     where = "late in long recordings, loaded or not"
     twins = {
         "relaxation_branch": "a long stretch without load",

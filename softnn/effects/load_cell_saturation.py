@@ -38,6 +38,7 @@ class LoadCellSaturation(Effect):
     off = {"limit_MPa": NEVER_MPa}
     amplitude = "limit_MPa"
     shape: tuple[str, ...] = ("knee",)
+    spoken = "load-cell saturation"
     where = "at the highest stresses"
     twins = {"tension_only": "tension alone", "nonlinear_elasticity": "a second range"}
 

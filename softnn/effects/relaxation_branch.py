@@ -30,6 +30,7 @@ class RelaxationBranch(Effect):
     off = {"stiffness_MPa": 0.0}
     part_of = ("wiechert", "pl-wiechert")
     amplitude = "stiffness_MPa"
+    spoken = "a relaxation branch"
     where = "in holds and after every change of rate"
     twins = {
         "friction_hysteresis": "the same cycle at rates two decades apart",

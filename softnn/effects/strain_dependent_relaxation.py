@@ -47,6 +47,7 @@ class StrainDependentRelaxation(Effect):
     off: Mapping[str, float] = {"growth": 0.0, "curvature": 0.0}
     amplitude = "growth"
     shape: tuple[str, ...] = ("curvature",)
+    spoken = "strain-dependent relaxation"
     where = "in relaxation, by different shares at different strains"
     twins = {
         "finite_strain": "cycles to larger strain",

@@ -27,7 +27,8 @@ class TensionOnly(Effect):
     )
     off = {"amount": 0.0}
     amplitude = "amount"
-    where = "where the simulation pushes"
+    spoken = "buckling in compression"
+    where = "in compression"
     twins = {
         "permanent_set": "unloading to a small tension only",
         "slack": "a first loading from zero",

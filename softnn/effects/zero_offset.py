@@ -31,6 +31,7 @@ class ZeroOffset(Effect):
     per_recording: tuple[str, ...] = ("offset_MPa",)
     some = True
     unmoved = True
+    spoken = "a zero offset"
     where = "all through some recordings, at any strain"
     twins = {
         "slack": "a hold at zero strain before loading",

@@ -1,4 +1,4 @@
-"""Material cards for Abaqus and Ansys, and what a card cannot carry, written into it.
+"""Material cards for Abaqus and Ansys; each states the effects that it lacks.
 
 Both codes let one curve, the instantaneous one, relax by a Prony series: a branch
 stands in proportion to the spring at every strain. Here branches are linear and the
@@ -54,7 +54,7 @@ def card(model: Stored | StoredNetwork) -> Card:
         )
     units = model.units
     for value in (*model.stiffness, *units.knots, *units.relaxation_times):
-        literal(value)  # refuses what is no number
+        literal(value)  # raises on NaN and infinity
     knots = np.array(units.knots)
     steps = [np.linspace(a, b, POINTS, endpoint=False) for a, b in pairwise(knots)]
     strain = np.unique(np.concatenate([*steps, knots[-1:], [0.0]]))
@@ -131,7 +131,7 @@ def _unlike(p: dict) -> list[str]:
 
 
 def _head(model: Stored, made: Card, code: str) -> list[str]:
-    """What stands above a card: what it is of, and what it lacks."""
+    """Return the lines above a card: its model, and the effects that it lacks."""
     low, high = made.strain[0], made.strain[-1]
     lines = [
         f"{code} material card of {described(model)}, by softnn {softnn.__version__}",

@@ -84,7 +84,7 @@ class Compiled:
 
     @property
     def flags(self) -> int:
-        """What was outside in the last step: bits of `softnn.neural.guard`."""
+        """The flags of the last step: bits of `softnn.neural.guard`."""
         return int(self._library.model_flags(self._place))
 
     def run(self, time_s: Array, strain: Array) -> Array:

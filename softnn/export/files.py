@@ -39,9 +39,9 @@ FORMS: dict[str, Callable[[Any_model, str, Options], Files]] = {
 def export(
     model: Any_model, to: str, name: str, options: Options | None = None
 ) -> Files:
-    """Files of a model in the form `to`, by name; nothing is written.
+    """Return the files of a model in the form `to`, by name; nothing is written.
 
-    `name` may be anything: what comes of it is a C identifier.
+    `name` may be any text; it is turned into a C identifier.
     """
     if to not in FORMS:
         raise InputError(f"no form {to!r}; allowed is {', '.join(FORMS)}")

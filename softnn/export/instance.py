@@ -42,7 +42,7 @@ def _corrected(
 ) -> Instance:
     out = Instance(prefix)
     for value in (*model.stiffness, *model.units.knots, *model.units.relaxation_times):
-        literal(value)  # refuses what is no number
+        literal(value)  # raises on NaN and infinity
     if model.learned is not None:
         _unless_left_out("learned", options, out)
     members: list[str] = []
@@ -81,7 +81,7 @@ def _corrected(
             )
         else:
             out.needs_simulated = True
-        # What the base says without any effect is taken from the simulation instead.
+        # The given simulation replaces the stress of the base without effects.
         if enter:
             given += f" / {literal(model.axes.stress.one)}"
         correct = f"    y += {given};\n    y -= {prefix}_springs(strain);\n"
@@ -99,7 +99,7 @@ def _corrected(
 
 
 def _own_units(model: Stored) -> tuple[str, str]:
-    """C that counts a component's deflection, and what its stress is in own units."""
+    """Return C that converts a component's deflection and stress between units."""
     axes = model.axes
     if not axes.component:
         return "", "y"

@@ -23,7 +23,7 @@ def stored_of(model: Model, parameters: Parameters) -> Stored:
             "allowed are Hooke to Wiechert, PLSLS and PLWiechert"
         )
     if model.update != "exact":
-        raise InputError(f"update is {model.update!r}; what is exported is 'exact'")
+        raise InputError(f"update is {model.update!r}; only 'exact' can be exported")
     model.check(parameters)
     if any(np.size(v) != 1 for v in parameters.values()):
         raise InputError("several sets of parameters; export one")

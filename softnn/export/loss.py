@@ -57,7 +57,7 @@ class Loss:
 
 
 def loss(model: Stored, made: Card, recordings: Sequence[Recording] = ()) -> Loss:
-    """How far the card is from the model over the strain of recordings.
+    """Return how far the card is from the model over the strain of recordings.
 
     Without any: over cycles and a hold in the model's own range of strain and time.
     """
@@ -95,7 +95,7 @@ def _share(stress: Array, whole: Array) -> float:
 
 
 def card_stress(made: Card, chunk: Chunk) -> Array:
-    """Nominal stress (n,), MPa, of what a finite-element code makes of the card."""
+    """Return the nominal stress (n,), MPa, of a finite-element code with the card."""
     strain = np.asarray(chunk.strain, float)
     stretch: Array = 1 + np.maximum(strain, -0.95)  # no length is left at -1
     first = _curve(made, strain)

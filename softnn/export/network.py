@@ -109,7 +109,7 @@ def stepped(model: StoredNetwork) -> Architecture:
 
 
 def _bounds(net: Network) -> dict[str, str]:
-    """What holds inputs within the training, and stress to one sign, if anything."""
+    """Return code that holds inputs in the training range and stress to one sign."""
     middle = float((net.target.low + net.target.high) / 2)
     stress = f"sum * {literal(float(net.target.half))} + {literal(middle)}"
     if not isinstance(net, BoundedNetwork):
@@ -123,7 +123,7 @@ def _bounds(net: Network) -> dict[str, str]:
 
 
 def _check(model: StoredNetwork, guard: str) -> str:
-    """Flags of what the network was never shown: `Seen.flags`, line by line."""
+    """Return code for flags outside the training range: `Seen.flags`, line by line."""
     seen = model.known
 
     def beyond(what: str, low: float, high: float) -> str:

@@ -47,7 +47,7 @@ def onnx_model(model: Stored | StoredNetwork) -> bytes:
         "highest": net.inputs.high + slack,
     }
     if not all(np.isfinite(v).all() for v in constants.values()):
-        raise InputError("the network holds what is no number")
+        raise InputError("the network holds NaN or infinity")
     bounded = isinstance(net, BoundedNetwork)
     steps = [
         ("Sub", ("known" if bounded else "inputs", "middle"), "centred"),

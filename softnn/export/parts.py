@@ -1,4 +1,4 @@
-"""What the C of any model has: options, its texts, its struct."""
+"""Common parts of the C of all models: options, texts, struct."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ UNSTEPPED = {
 
 @dataclass(frozen=True)
 class Options:
-    """What is asked of an export.
+    """Options of an export.
 
-    `recording` names the recording whose own values are taken, those of none are off;
-    `leave_out` what cannot be stepped and may be missing; `interval_s` the shortest
-    time between samples, for which delays are made.
+    `recording` names the recording whose own values are used; None turns them off.
+    `leave_out` names parts that cannot be stepped and may be missing. `interval_s` is
+    the shortest time between samples, for which delays are made.
     """
 
     recording: str | None = None

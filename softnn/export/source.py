@@ -41,7 +41,7 @@ def c_source(
 
 
 def described(model: Stored | StoredNetwork) -> str:
-    """What a model is, in a line for a remark."""
+    """Return a description of a model, a line for a remark."""
     if isinstance(model, StoredNetwork):
         return f"network {remark(model.architecture)} of {len(model.network.hidden)}"
     effects = ", ".join(piece.effect.id for piece in model.pieces)
@@ -50,7 +50,7 @@ def described(model: Stored | StoredNetwork) -> str:
 
 
 def _units(model: Stored | StoredNetwork) -> list[str]:
-    """What strain and stress are where they are those of a component."""
+    """Return the quantities and units of a component."""
     axes = model.axes
     if not axes.component:
         return []
@@ -72,7 +72,7 @@ def _remarks(notes: list[str]) -> str:
 def meanings(
     model: Stored | StoredNetwork, name: str, options: Options | None = None
 ) -> dict[str, str]:
-    """What the inputs beside the strain mean to this model."""
+    """Return the meaning of the inputs beside the strain for this model."""
     made = instance(model, name, options or Options())
     return {
         "thermal": "degC, NAN where unknown" if made.needs_temperature else "not used",

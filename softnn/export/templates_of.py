@@ -1,8 +1,8 @@
 """Templates of C: blocks with a heading, and places to fill in.
 
-A block begins with a line ``/*@ HEADING */``; ``{place}`` stands for what is filled in.
-Numbers are written so that a C compiler reads the same double back; names that come
-from outside pass through `identifier` or `remark`.
+A block begins with a line ``/*@ HEADING */``; ``{place}`` is a place for a value.
+Numbers are written so that a C compiler reads the same double back; names from outside
+pass through `identifier` or `remark`.
 """
 
 from __future__ import annotations

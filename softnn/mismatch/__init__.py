@@ -1,8 +1,8 @@
 """Mismatch: locate it, explain it, model it, verify it.
 
-`diagnosis.diagnose(case.read_case(folder))` is all of it. Steps: the base is fitted
-(`base`), sets of effects are sought (`accounts`) and weighed (`evidence`, `posterior`),
-the verdict is given on recordings left out (`verdict`, `verify`), what no effect
-explains is learned (`learn`), regions are found (`locate`), and all of it is written
-down (`written`, `words`).
+`diagnosis.diagnose(case.read_case(folder))` runs all steps. `base` fits the base to the
+recordings. `accounts` searches for sets of effects; `evidence` and `posterior` weigh
+them. `prediction` judges them on recordings left out where no set reaches the noise.
+`decision` names effects. `learn` fits a correction to what no effect explains. `locate`
+finds regions. `written` and `words` write the result down.
 """

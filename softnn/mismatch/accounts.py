@@ -28,20 +28,20 @@ from softnn.mismatch.evidence import CLASS, SCATTER, Evidence, Weigher, mistaken
 from softnn.mismatch.specimens import shared
 from softnn.noise import Noise
 
-EXPANDED = (3, 1)  # accounts of one, two effects that are given one more
-PRICE = 5.0  # of an effect, in log evidence, while searching
-ALIKE = 5.0  # of log evidence, by which a form of an effect is as good as another
-FAR = 30.0  # of log evidence, by which an account of several effects is out of it
-ASKED = 4  # sets of several effects, of which each is asked anew beside the others
-KEPT = 12  # sets of several effects, until the noise is settled
-TOLD = 0.02  # of log density a sample, by which a noise is another
-NEAR = 10.0  # of log evidence, by which specimens may be behind and yet be tried
-FEWEST = 3  # recordings, to speak of scatter
-# Nats a sample by which laws may be bent or added to, and yet the account reaches the
-# noise; and beyond which no further search would get there.
+EXPANDED = (3, 1)  # beam width: candidates of one and of two effects that get one more
+PRICE = 5.0  # nats, price of each effect during the search
+ALIKE = 5.0  # nats within which another form of an effect counts as equally good
+FAR = 30.0  # nats behind the best, beyond which a set of several effects is dropped
+ASKED = 4  # sets of several effects whose effects are each chosen again
+KEPT = 12  # sets of several effects kept until the noise is settled
+TOLD = 0.02  # nats a sample; a larger change means that the noise is different
+NEAR = 10.0  # nats by which models with specimen scales may be behind and yet be kept
+FEWEST = 3  # recordings needed before scales of specimens can be estimated
+# Discrepancy gain in nats a sample: up to the first a candidate reaches the noise;
+# beyond the second no further search would reach it.
 LEAVES, EVIDENT = 0.03, 0.1
-FAR_OFF = 10.0  # times as much, that the best account of two effects may leave
-REFITTED = 4  # iterations, where only the noise has changed
+FAR_OFF = 10.0  # times `EVIDENT`, allowed for the best candidate of two effects
+REFITTED = 4  # iterations of a refit after a change of the noise alone
 
 
 @dataclass
@@ -58,16 +58,16 @@ class Account:
 
     @property
     def log_odds(self) -> float:
-        """Log evidence, of laws as they stand or slightly bent."""
+        """Log evidence, nats: exact laws, or laws with small form errors."""
         return self.evidence.alone
 
     @property
     def figures(self) -> Array:
-        """The five numbers (5,), nats, that the posterior weighs.
+        """Return the five numbers (5,), in nats, that the posterior weighs.
 
-        They are the evidence with exact laws, with small discrepancies, and with a
-        discrepancy of any size; then (log n) / 2 for each free parameter, and the same
-        for parameters of single recordings alone.
+        The first three are log evidences: with exact laws, with small discrepancies,
+        and with a discrepancy of any size. The last two are (log n) / 2 for each free
+        parameter, and the same for parameters of single recordings alone.
         """
         found, evidence = self.fit, self.evidence
         one, pieces = 0.5 * np.log(len(found.residual)), found.guess.pieces
@@ -94,9 +94,10 @@ def value(account: Account) -> float:
 
 @dataclass
 class Search:
-    """What was tried, under one noise; the first account is the base alone.
+    """All candidate models tried, under one noise; the first is the base alone.
 
-    `reaches_noise`: whether the best account leaves no more than noise.
+    `reaches_noise`: whether the best candidate explains the recordings down to the
+    noise.
     """
 
     base: Baseline
@@ -121,7 +122,7 @@ def search(
     found = [Account(base.fit, weigher.weigh(base.fit, whole=False))]
     found += _weighed(weigher, first)
     apart = _as_specimens(base, weigher, found)
-    if apart:  # what they hide is asked again
+    if apart:  # scales of specimens may have hidden an effect
         found += apart[:1]
         found += _weighed(weigher, expand(engine, apart[0].fit, pool, FIRST, FORMS))
     for size, count in enumerate(EXPANDED, start=1):
@@ -129,7 +130,7 @@ def search(
         best = _leaders(a for a in found if len(a.effects) == size and value(a) >= bar)
         for account in best[:count]:
             found += _weighed(weigher, expand(engine, account.fit, pool, LATER))
-        # A third effect may take up much, so that two may leave more.
+        # A third effect may explain much more, so two may leave a large discrepancy.
         most = evident if size == len(EXPANDED) else FAR_OFF * evident
         if _discrepancy(weigher, max(found, key=value)) > most:
             return Search(base, base.noise, found, False)
@@ -144,7 +145,7 @@ def search(
 
 
 def _discrepancy(weigher: Weigher, account: Account) -> float:
-    """Log evidence, nats a sample, of something that an account gets wrong or lacks."""
+    """Return the gain in log evidence of a free discrepancy, nats a sample."""
     evidence = weigher.weigh(account.fit)
     return (evidence.beside - evidence.bare) / len(account.fit.residual)
 
@@ -152,9 +153,9 @@ def _discrepancy(weigher: Weigher, account: Account) -> float:
 def _asked_again(
     weigher: Weigher, found: Sequence[Account], pool: Sequence[Effect]
 ) -> list[Account]:
-    """The best few sets of several effects, each effect asked anew beside the others.
+    """Return refits of the best few sets, each effect chosen again beside the others.
 
-    The form that suits an effect was chosen while the others were not there yet.
+    The form that suits an effect was chosen before the other effects were in the model.
     """
     out: list[Account] = []
     engine = weigher.engine
@@ -168,7 +169,7 @@ def _asked_again(
 
 
 def _each_less(account: Account) -> Iterator[tuple[Effect, Guess]]:
-    """Each effect of an account, and the guess without it."""
+    """Yield each effect of a candidate model, and the guess without that effect."""
     guess = account.fit.guess
     for piece in guess.pieces:
         if not piece.nuisance:
@@ -177,7 +178,7 @@ def _each_less(account: Account) -> Iterator[tuple[Effect, Guess]]:
 
 
 def _leaders(found: Iterable[Account]) -> list[Account]:
-    """The best account of each set of effects, the best of all first."""
+    """Return the best candidate of each set of effects, the best of all first."""
     best = {a.effects: a for a in sorted(found, key=value)}
     return sorted(best.values(), key=value, reverse=True)
 
@@ -185,11 +186,11 @@ def _leaders(found: Iterable[Account]) -> list[Account]:
 def _as_specimens(
     base: Baseline, weigher: Weigher, found: Sequence[Account]
 ) -> list[Account]:
-    """The accounts with scales of specimens, if the best is better for it.
+    """Return candidate models with a scale for each specimen, if these are better.
 
-    Replicates are different specimens until somebody says otherwise; where nobody did,
-    a scale error in most recordings is what specimens differ by, and one that several
-    have alike is of the specimen that they share.
+    Replicates are taken as different specimens unless labels say otherwise. Without
+    labels, scale errors in most recordings are differences between specimens. A scale
+    that several recordings share belongs to the specimen that they share.
     """
     count = len(base.engine.chunks)
     if count < FEWEST or any(p.nuisance for p in base.fit.guess.pieces):
@@ -229,7 +230,7 @@ def _as_mistakes(
     for a in unsaid:
         most[len(a.effects)] = max(value(a), most.get(len(a.effects), -np.inf))
     near = [a for a in unsaid if value(a) > most[len(a.effects)] - NEAR]
-    once = {a.effects: a for a in sorted(near, key=value)}  # of each set the best
+    once = {a.effects: a for a in sorted(near, key=value)}  # best of each set
     for best in once.values():
         rest = tuple(p for p in best.fit.guess.pieces if not p.unsaid)
         guess = replace(best.fit.guess, pieces=rest)
@@ -263,7 +264,7 @@ def _settled(
     noise = max(tried, key=lambda t: t[0])[1]
     weigh_by(engine, noise)
     accounts = [_again(base, weigher, a) for a in ranked]
-    # The base alone goes first; of its two, with and without scatter, the better.
+    # The base alone goes first: with or without specimen scales, whichever is better.
     bare = next(i for i, a in enumerate(ranked) if not a.effects)
     return noise, [accounts[bare], *accounts[:bare], *accounts[bare + 1 :]]
 
@@ -278,7 +279,7 @@ def believed(engine: Engine, noise: Sequence[Noise]) -> bool:
 def _again(
     base: Baseline, weigher: Weigher, account: Account, whole: bool = True
 ) -> Account:
-    """An account under the noise now in force."""
+    """Return the candidate refitted under the noise now in force."""
     clock = time.perf_counter()
     guess, fixed = account.fit.guess, base.fixed
     again = fit(base.engine, guess, fixed_base=fixed, iterations=REFITTED)
@@ -287,13 +288,14 @@ def _again(
 
 
 def _worth(found: Sequence[Account], most: int = 0) -> list[Account]:
-    """The best forms of each set of effects, and no several far from the best.
+    """Return the best forms of each set of effects; drop large sets far from the best.
 
-    So many sets are kept however far: noise not yet settled may favour others.
+    At least `most` sets are kept, since the noise is not yet settled and may favour
+    others.
     """
     once = {
         (
-            a.effects,  # a scale may be of an effect, or of a specimen
+            a.effects,  # a scale may belong to an effect or to a specimen
             tuple(p.effect.form for p in a.fit.guess.pieces),
             round(value(a)),
         ): a
@@ -308,15 +310,15 @@ def _worth(found: Sequence[Account], most: int = 0) -> list[Account]:
     return [
         a
         for a in found
-        if not value(a) < best[a.effects] - ALIKE  # the base stays, come what may
+        if not value(a) < best[a.effects] - ALIKE  # the base always stays
         and (len(a.effects) < 2 or best[a.effects] >= far)
     ]
 
 
 def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
-    """The base and all accounts of one effect, under noise that the best leaves.
+    """Return the base and all candidates of one effect, under the best one's noise.
 
-    What is missing adds to the noise that a base seems to have, and so hides itself.
+    A missing effect raises the noise estimated under the base, and so hides itself.
     """
     engine = base.engine
     first = expand(engine, base.fit, pool, FIRST, FORMS)

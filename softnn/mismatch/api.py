@@ -1,4 +1,4 @@
-"""What `softnn diagnose` and `softnn simulate` do, as functions."""
+"""`softnn diagnose` and `softnn simulate` as Python functions."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def _of_arguments(function: Function) -> Function:
-    """The function with errors that speak of arguments, not of options of a command."""
+    """Make errors of a function name keyword arguments, not command options."""
 
     @wraps(function)
     def inner(*args: Any, **kwargs: Any) -> Any:
@@ -61,7 +61,7 @@ def _of_arguments(function: Function) -> Function:
 
 
 def options_of(given: Mapping[str, Any]) -> ReadOptions:
-    """The reading options of keyword arguments. Raises `InputError` for other names."""
+    """Return reading options from keyword arguments. Raises `InputError` on others."""
     allowed = [f.name for f in fields(ReadOptions)]
     for name in given:
         if name not in allowed:
@@ -74,14 +74,14 @@ def options_of(given: Mapping[str, Any]) -> ReadOptions:
 
 @_of_arguments
 def read(path: Paths, *, skip: Iterable[str] = (), **given: Any) -> list[Recording]:
-    """Recordings of a file, of several files, or of a folder with its subfolders.
+    """Return the recordings of a file, of several files, or of a folder (recursive).
 
-    A file is a tidy CSV or what a testing machine exported. What it does not say is
-    `given`, by the names of `softnn.readers.ReadOptions`: `length_mm=33, area_mm2=18`
-    (or `width_mm`, `thickness_mm`, `diameter_mm`), `units={"Load": "N"}`, columns by
-    name as `strain="Video"`, `compression=True` and others. Files of a folder that
-    hold no test are passed over, and those that match a pattern of `skip`. Raises
-    `InputError`.
+    A file is a tidy CSV or the export of a testing machine. `given` supplies what the
+    file does not say, by the names of `softnn.readers.ReadOptions`: `length_mm=33,
+    area_mm2=18` (or `width_mm`, `thickness_mm`, `diameter_mm`), `units={"Load": "N"}`,
+    columns by name as `strain="Video"`, `compression=True` and others. Files that hold
+    no test are passed over, and so are files that match a pattern of `skip`. Raises
+    `InputError` naming file, row and column.
     """
     return list(_read_case(path, options_of(given), tuple(skip)).recordings)
 
@@ -94,18 +94,18 @@ def to_case(
     skip: Sequence[str] = (),
     **given: Any,
 ) -> Case:
-    """The case in a folder, or of the files in a list; `given` as for `read`.
+    """Return the case in a folder, or of the files in a list; `given` as for `read`.
 
-    `notes` of the case say which files were passed over, and what is odd; implausible
-    numbers are refused unless they are right `as_is`.
+    `notes` of the case name the files that were passed over and the oddities of the
+    recordings. Implausible numbers raise `InputError` unless `as_is` is set.
     """
     return plausible(_read_case(path, options or options_of(given), skip), as_is)
 
 
 def plausible(case: Case, as_is: bool = False) -> Case:
-    """The case with notes on what is odd in its recordings. Raises `InputError`.
+    """Return the case with notes on oddities. Raises `InputError` on implausible ones.
 
-    Copies are left out, and so is the stress after a specimen has torn.
+    Copies of a recording are dropped, and so is the stress after a specimen has torn.
     """
     for recording in case.recordings:
         # before anything is noted
@@ -155,7 +155,7 @@ def _read_case(path: Paths, options: ReadOptions, skip: Sequence[str] = ()) -> C
 
 @dataclass(frozen=True)
 class History:
-    """What a model is simulated over: a name, a strain programme, and what is known.
+    """A strain programme to simulate: its name, the recording, and any known stress.
 
     `simulated` and `measured` are stress (n,) in the unit of the recording, or None.
     """
@@ -172,9 +172,10 @@ def histories(
     options: ReadOptions | None = None,
     skip: Sequence[str] = (),
 ) -> tuple[list[History], list[str]]:
-    """Histories in files and folders, every one that `diagnose` takes; and notes.
+    """Return the strain histories in files and folders, and notes on skipped files.
 
-    A tidy CSV may lack the stress. Raises `InputError`.
+    Takes every file that `diagnose` takes; a tidy CSV may lack the stress. Raises
+    `InputError`.
     """
     from softnn.mismatch.histories import read_history
 
@@ -228,7 +229,7 @@ def _is_tidy(path: Path) -> bool:
 
 
 def inferred(case: Case, model: str | None = None) -> list[str]:
-    """What was understood of a case, in a line a recording and one for all."""
+    """Return inferred settings: a line for each recording, and one for the case."""
     lines = []
     for r in case.recordings:
         read_ = next((s.arguments for s in r.log if s.name == "read"), {})
@@ -261,16 +262,17 @@ def diagnose(
     progress: Listener | None = None,
     **given: Any,
 ) -> Diagnosis:
-    """What a simulation of these recordings leaves out, and how sure that is.
+    """Diagnose recordings: which effects a simulation left out, and how sure that is.
 
-    `recordings`: one, a list of them, a file, a list of files, a folder or a case.
-    `model`: a base by name, a model.json or what `load_model` gave; None is what a case
-    says, else the simulation that the recordings carry, else pl-wiechert.
-    `history`: "fresh" where each recording begins at rest, "continued" where it goes on
-    from the one before; None is what a case says, else "fresh". `specimen`: of each
-    recording by name, where there are several. `as_is`: take implausible numbers as
-    they stand. `progress` is called with a `softnn.progress.Progress` while it runs.
-    `given`: as for `read`, where files are read. Raises `InputError`.
+    `recordings`: a recording, a list of them, a file, a list of files, a folder or a
+    case. `model`: the name of a base, a model.json or the result of `load_model`; None
+    takes the model that the case names, else the simulation stored with the recordings,
+    else pl-wiechert. `history`: "fresh" if each recording begins at rest, "continued"
+    if it goes on from the one before; None takes the case's own, else "fresh".
+    `specimen`: maps names of recordings to names of specimens. `as_is`: accept
+    implausible numbers. `progress`: called with a `softnn.progress.Progress` from time
+    to time. `given`: as for `read`, if files are read. Returns a `Diagnosis`. Raises
+    `InputError`.
 
     >>> import numpy as np
     >>> time = np.linspace(0, 20, 201)
@@ -311,7 +313,7 @@ def diagnose(
 
 
 def _given_case(recordings: Any, given: Mapping[str, Any]) -> Case:
-    """The case of whatever `diagnose` was given."""
+    """Return the case made of whatever kind of input `diagnose` was given."""
     if isinstance(recordings, str | Path):
         return _read_case(recordings, options_of(given))
     if isinstance(recordings, Recording):
@@ -322,7 +324,7 @@ def _given_case(recordings: Any, given: Mapping[str, Any]) -> Case:
         if all(isinstance(r, str | Path) for r in recordings):
             return _read_case(recordings, options_of(given))
     if given:
-        options_of(given)  # a misspelt name first
+        options_of(given)  # report a misspelt option before a file is read
         raise InputError(
             f"{next(iter(given))} is for files; these recordings are read already: "
             "give it to softnn.read"
@@ -334,10 +336,10 @@ def _given_case(recordings: Any, given: Mapping[str, Any]) -> Case:
 
 @_of_arguments
 def load_model(path: str | Path) -> Stored | StoredNetwork:
-    """A model.json of a diagnosis, or the file of a trained network.
+    """Load a model.json of a diagnosis, or the file of a trained network.
 
-    `models:/NAME@ALIAS` is one that a study has registered in MLflow: in
-    mlruns/mlflow.db below this folder, or where MLFLOW_TRACKING_URI says.
+    `models:/NAME@ALIAS` names a model that a study has registered in MLflow. The store
+    is mlruns/mlflow.db below this folder, or the one in MLFLOW_TRACKING_URI.
     """
     if isinstance(path, str) and path.startswith(("models:/", "runs:/")):
         from softnn.tracking import fetched

@@ -1,9 +1,9 @@
-"""The simulation to be judged: a base fitted to the recordings, or somebody else's.
+"""The simulation to be judged: a base fitted to the recordings, or a stored simulation.
 
-A base of springs and branches is refitted to all it may use, so that a mismatch is what
-it cannot absorb. A simulation from elsewhere (a column `simulated_MPa`, a network) is
-taken as it is; springs and branches fitted to it stand in for its inner workings where
-an effect needs to know what the stress would have been at another strain.
+A base of springs and branches is refitted to all the data it may use, so the mismatch
+is the part that it cannot absorb. A simulation from elsewhere (a column
+`simulated_MPa`, a network) stays as it is. Springs and branches fitted to it stand in
+for its inner workings: some effects need to know the stress at another strain.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from softnn.models.units import Units, build
 from softnn.noise import Noise, estimate
 from softnn.noise.windows import WINDOW
 
-SEARCH = 1000  # samples a recording while searching
-REPORT = 6000  # samples a recording for regions, figures and errors
+SEARCH = 1000  # samples of a recording used in the search
+REPORT = 6000  # samples of a recording used for regions, figures and errors
 DEFAULT = STAND_IN = "pl-wiechert"
-STILL = 1e-9  # of the largest stress, by which no live channel is rough
+STILL = 1e-9  # of the largest stress; a channel that varies less is not live
 
 
 @dataclass
 class Baseline:
-    """The base at its best, the engine that simulates it, and the noise.
+    """The best fit of the base, the engine that simulates it, and the noise.
 
-    `said`: somebody said which recordings are of one specimen.
+    `said`: whether the recordings have labels of specimens.
     """
 
     engine: Engine
@@ -44,12 +44,12 @@ class Baseline:
 
 
 def usable(case: Case, samples: int) -> Case:
-    """What can be used of a case, at most about so many samples a recording."""
+    """Return the usable part of a case, at most about `samples` a recording."""
     return thin(mask_failure(mask_gaps(case)), samples)
 
 
 def start(case: Case, model: str | None = None) -> Baseline:
-    """The base of a case at its best: what a search starts from."""
+    """Return the best fit of the base of a case, from which a search starts."""
     data, fine = to_data(usable(case, SEARCH)), to_data(usable(case, REPORT))
     if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
@@ -68,7 +68,7 @@ def units_for(name: str, data: Data, segments: int = 16) -> Units:
     if not scales.strain > 0:
         raise InputError("the strain never leaves zero; there is nothing to simulate")
     duration = float(scales.duration_s.max())
-    # What the quickest clock could see; the usual one may be far slower.
+    # The finest clock sets the shortest time; the usual interval may be far longer.
     steps = [np.diff(c.time_s) for c in data.chunks]
     usual = [float(np.median(s[s > 0])) for s in steps if (s > 0).any()]
     interval = min(usual, default=scales.interval_s)
@@ -76,7 +76,7 @@ def units_for(name: str, data: Data, segments: int = 16) -> Units:
 
 
 def nuisance(data: Data, groups: Sequence[tuple[int, ...]]) -> tuple[Piece, ...]:
-    """A scale for each specimen but the first, where there are several."""
+    """Return a scale for each specimen but the first; nothing for a single specimen."""
     if len(groups) < 2:
         return ()
     return (scatter(len(data.chunks), groups[1:]),)
@@ -85,19 +85,19 @@ def nuisance(data: Data, groups: Sequence[tuple[int, ...]]) -> tuple[Piece, ...]
 def scatter(
     recordings: int, groups: Sequence[tuple[int, ...]], unsaid: bool = False
 ) -> Piece:
-    """What specimens of one material differ by, of its own in each of the groups."""
+    """Return specimen scales: one value for each of the groups of recordings."""
     law = next(e for e in EFFECTS if e.scatter)
     off = {k: np.full(recordings, v) for k, v in law.off.items()}
     return Piece(law, off, tuple(off), tuple(groups), nuisance=True, unsaid=unsaid)
 
 
 def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:
-    """Estimate the noise from what a fit leaves, and weigh by it from now on.
+    """Estimate the noise from the residual of a fit, and weigh by it from now on.
 
-    It is read off all samples, where the search itself may use fewer: between samples
-    taken far apart the specimen moves, and noise cannot be told from that. `long`: of
-    memory of any length, which only an account that misses little can tell from what it
-    misses.
+    The noise is estimated from all samples, though the search may use fewer: between
+    samples far apart the specimen moves, so noise cannot be separated from motion.
+    `long` allows noise with a memory of any length. Only a candidate that misses little
+    can separate such noise from model error.
     """
     fine = engine.fine or engine
     stress = found.stress if fine is engine else fine.run(found.guess, False)[0]
@@ -113,10 +113,10 @@ def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:
 
 
 def live(residuals: Sequence[Array], level: float) -> list[Array]:
-    """Residuals (n,) each, NaN where a channel stands still: it has no noise to show.
+    """Return residuals (n,) each, NaN where the channel stands still and has no noise.
 
-    So of a strip that is slack, by a load cell that is cut off at zero. Of what stands
-    still from end to end nothing is taken away.
+    Examples are a slack strip and a load cell that is cut off at zero. A channel that
+    stands still from end to end stays as it is.
     """
     out = []
     for x in residuals:
@@ -130,7 +130,7 @@ def live(residuals: Sequence[Array], level: float) -> list[Array]:
 
 
 def weigh_by(engine: Engine, noise: Sequence[Noise]) -> None:
-    """Weigh the samples by a noise."""
+    """Weigh the samples of an engine by a given noise."""
     sigma = [n.sigma(s) for n, s in zip(noise, engine.data.stress_MPa, strict=True)]
     engine.set_noise(sigma, [n.memory for n in noise])
 
@@ -141,7 +141,7 @@ def baseline(
     groups: Sequence[tuple[int, ...]] = (),
     fine: Data | None = None,
 ) -> Baseline:
-    """The base `name` refitted to the data; its noise, from `fine` where given."""
+    """Return the base `name` refitted to the data; noise from `fine` if it is given."""
     engine = Engine(data)
     engine.fine = None if fine is None else Engine(fine)
     units = units_for(name, data)
@@ -160,7 +160,7 @@ def given(
     groups: Sequence[tuple[int, ...]] = (),
     fine: Data | None = None,
 ) -> Baseline:
-    """A simulation from elsewhere as the base: kept as it is, with a stand-in."""
+    """Return a simulation from elsewhere as the base: unchanged, with a stand-in."""
     # The stand-in sees the simulation without noise, at the samples of the recording.
     copy = replace(data, stress_MPa=tuple(simulated), simulated_MPa=None)
     units = units_for(STAND_IN, data)
@@ -178,8 +178,8 @@ def given(
 
 
 def beyond(data: Data, simulated: Sequence[Array], stand_in: Guess) -> Engine:
-    """An engine that adds what a simulation has beyond its stand-in."""
-    # Stress is wanted where none was measured, too.
+    """Return an engine that adds the part of a simulation that its stand-in lacks."""
+    # The simulation counts at every sample, also where no stress was measured.
     whole = tuple(np.nan_to_num(s) for s in data.stress_MPa)
     plain = Engine(replace(data, stress_MPa=whole))
     stress, _ = plain.run(replace(stand_in, pieces=()), False)

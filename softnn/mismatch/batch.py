@@ -1,4 +1,4 @@
-"""Cases diagnosed one after another or side by side, each with its files."""
+"""Diagnose several cases, one after another or side by side, and write their files."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from softnn.readers import ReadOptions
 from softnn.readers.lacking import Lacking
 from softnn.workers import workers
 
-FAILED = "error.txt"  # in that folder, where softnn failed
-DONE = ".done"  # in the folder of a diagnosis, once all of it is written
+FAILED = "error.txt"  # in the folder of a case on which softnn failed
+DONE = ".done"  # in the folder of a diagnosis once all its files are written
 
 
 @dataclass(frozen=True)
 class Job:
-    """A case to diagnose: a folder or a list of files, and where its files go."""
+    """A case to diagnose: a folder or a list of files, and where its results go."""
 
     source: Path | tuple[Path, ...]
     out: Path
@@ -40,15 +40,15 @@ class Job:
     seed: int = 0
     resume: bool = False
     options: ReadOptions = field(default_factory=ReadOptions)
-    skip: tuple[str, ...] = ()  # patterns of files to leave alone
-    as_is: bool = False  # take implausible numbers as they stand
-    say: Callable[[str], None] | None = None  # what was inferred, before it starts
-    command: tuple[str, ...] = ("softnn", "diagnose")  # as it was typed
+    skip: tuple[str, ...] = ()  # patterns of files to ignore
+    as_is: bool = False  # accept implausible numbers
+    say: Callable[[str], None] | None = None  # shows the inferred settings first
+    command: tuple[str, ...] = ("softnn", "diagnose")  # the command as it was typed
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a job: the sentence to print, and what diagnosis.json holds."""
+    """The outcome of a job: the sentence to print and the content of the result."""
 
     line: str
     result: dict[str, Any] | None = None
@@ -57,9 +57,9 @@ class Outcome:
 def jobs_of(
     sources: Sequence[str], out: Path, model: str | None, **common: Any
 ) -> list[Job]:
-    """A job a folder; files are one case together. Raises `InputError`."""
+    """Return one job for each folder, one for all files. Raises `InputError`."""
     if model is not None:
-        base(model)  # refuse it once, before any case
+        base(model)  # refuse a wrong model once, before any case
     paths = [Path(s) for s in sources]
     files = tuple(p for p in paths if p.is_file())
     cases: list[Path | tuple[Path, ...]] = [p for p in paths if p not in files]
@@ -70,12 +70,12 @@ def jobs_of(
         for case, name in zip(cases, names, strict=True)
     ]
     for job in jobs:
-        writable(job.out)  # before hours of work
+        writable(job.out)  # find a full or locked disk before hours of work
     return jobs
 
 
 def _names(cases: Sequence[Path | tuple[Path, ...]]) -> list[str]:
-    """Folders to write the cases into: where names are the same, with the parent's."""
+    """Return a folder name for each case; equal names get the parent in front."""
     names = [_safe(case_name(c)) for c in cases]
     for above in (1, 2, 3):
         same = {n for n in names if names.count(n) > 1}
@@ -92,7 +92,7 @@ def _names(cases: Sequence[Path | tuple[Path, ...]]) -> list[str]:
 
 
 def case_name(source: Path | tuple[Path, ...]) -> str:
-    """The name of the case of a folder, or of files."""
+    """Return the name of the case of a folder, or of several files."""
     if isinstance(source, Path):
         return source.resolve().name
     if len(source) == 1:
@@ -103,9 +103,9 @@ def case_name(source: Path | tuple[Path, ...]) -> str:
 def run(
     jobs: Sequence[Job], most: int, scheduler: str | None = None
 ) -> Iterator[tuple[int, Outcome]]:
-    """Outcomes as they come, with the place of the job; `most` at a time.
+    """Yield the index of a job and its outcome, as they finish; `most` run at a time.
 
-    Or on the workers of a Dask `scheduler`, which see the same folders.
+    With a Dask `scheduler`, jobs run on its workers, which must see the same folders.
     """
     if min(most, len(jobs)) < 2 and scheduler is None:
         yield from ((i, diagnose_one(job)) for i, job in enumerate(jobs))
@@ -117,7 +117,7 @@ def run(
 
 
 def diagnose_one(job: Job) -> Outcome:
-    """Diagnose one case and write its files; where it fails, say so."""
+    """Diagnose one case and write its files; if it fails, return the message."""
     try:
         return _diagnosed(job)
     except Lacking as error:
@@ -130,7 +130,7 @@ def diagnose_one(job: Job) -> Outcome:
             f"{case_name(job.source)}: cannot be written to {job.out}: {what}; what "
             "was there before is as it was"
         )
-    except Exception as error:  # a fault of softnn: the other cases go on
+    except Exception as error:  # a fault of softnn; the other cases go on
         told = job.out / FAILED
         with suppress(OSError):
             told.write_text(traceback.format_exc(), encoding="utf-8")
@@ -142,7 +142,7 @@ def diagnose_one(job: Job) -> Outcome:
 
 
 def _to_type(job: Job, error: Lacking) -> str:
-    """The command with what it lacks, and the way for sizes of single specimens."""
+    """Return the command with the missing option, and the way for varying sizes."""
     said = f". Type: {shlex.join([*job.command, *error.options])}"
     if isinstance(job.source, Path) and error.sizes:
         said += (
@@ -178,7 +178,7 @@ def _diagnosed(job: Job) -> Outcome:
 
 
 def base(name: str) -> Any:
-    """A base by name, or a stored model. Raises `InputError`."""
+    """Return the name of a base, or a stored model. Raises `InputError`."""
     if name in BASES:
         return name
     if Path(name).suffix == ".json" or Path(name).exists():
@@ -188,7 +188,7 @@ def base(name: str) -> Any:
 
 
 def _asked(case: Case, job: Job) -> str:
-    """SHA-256 (hex) of all that a diagnosis depends on."""
+    """Return the SHA-256 (hex) of all inputs that a diagnosis depends on."""
     from softnn import __version__
     from softnn.recording import data_hash
 
@@ -203,11 +203,11 @@ def _asked(case: Case, job: Job) -> str:
 
 
 def writable(folder: Path) -> None:
-    """Make a folder to write into. Raises `InputError` where that cannot be."""
+    """Make a folder to write into. Raises `InputError` if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         trial = folder / f".{os.getpid()}"
-        trial.write_bytes(bytes(4096))  # what a full disk does not take
+        trial.write_bytes(bytes(4096))  # fails on a full disk
         trial.unlink()
     except OSError as error:
         with suppress(OSError, UnboundLocalError):
@@ -220,7 +220,7 @@ def writable(folder: Path) -> None:
 
 @contextmanager
 def alone(out: Path) -> Iterator[None]:
-    """Only one process writes into `out`. Raises `InputError` for the second."""
+    """Lock `out` for this process. Raises `InputError` in a second process."""
     writable(out)
     lock = Lock(out / ".softnn.lock", f"a command with --out {out}")
     try:
@@ -230,7 +230,7 @@ def alone(out: Path) -> Iterator[None]:
 
 
 def file_name(name: str, taken: set[str]) -> str:
-    """A name for a file that leads nowhere else, and is not among those `taken`."""
+    """Return a safe file name (no path in it) that is not among those `taken`."""
     stem = base_ = _safe(name).strip(".-") or "recording"
     count = 1
     while stem.casefold() in taken:

@@ -2,7 +2,7 @@
 
 Score tests (`screen`) start from several parameter values of each effect. The leading
 effects are refitted together with the base, in each form they have. `evidence` then
-weighs the fits; nothing is decided here.
+weighs the fits; this module decides nothing.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from softnn.mismatch.screen import (
 )
 from softnn.mismatch.verify import intervals
 
-ENTRY = 8.0  # of chi2, below which nothing, and no recording, is worth a refit
-BESIDE = 0.02  # of the largest gain: an effect that promises less waits for it
-FIRST, LATER = 10, 4  # effects refitted on top of a base, and of an account
-FORMS = 4  # of an effect, that are followed where it stands alone or is asked again
-WARM = 0.5  # degC, by which the temperature must change to do anything
-FINE = 11  # moments about the best of those further apart
-OFF = 3.5  # standard errors, within which an effect of a recording is off
+ENTRY = 8.0  # of chi2; a smaller gain is not worth a refit, nor a recording of its own
+BESIDE = 0.02  # of the largest gain; an effect with less is not refitted yet
+FIRST, LATER = 10, 4  # effects refitted on top of the base, and of a candidate
+FORMS = 4  # forms kept of a single effect, or of an effect that is chosen again
+WARM = 0.5  # degC; a smaller change of temperature shows no effect of it
+FINE = 11  # starting moments around the best of the coarse ones
+OFF = 3.5  # standard errors; an effect of a recording within them is off
 
 
 def candidates(
     engine: Engine, base: str, fixed: bool, unknown: frozenset[str] = frozenset()
 ) -> list[Effect]:
-    """Effects that these recordings and this base could show, but `unknown` forms."""
+    """Return the effects that these recordings can show; forms in `unknown` are out."""
     warm = all(c.temperature_C is not None for c in engine.chunks)
     warm = warm and engine.data.scales().temperature_C > WARM
     held = held_only(engine)
@@ -60,18 +60,18 @@ def candidates(
 
 
 def names(found: Fit) -> list[str]:
-    """Ids of the effects in a fit."""
+    """Return the ids of the effects in a fit."""
     return [p.effect.id for p in found.guess.pieces if not p.nuisance]
 
 
 def expand(
     engine: Engine, base: Fit, pool: Sequence[Effect], most: int, forms: int = 1
 ) -> list[Fit]:
-    """Fits with one more effect of the pool each, in the forms that suit it.
+    """Return fits with one more effect of the pool each, in the forms that suit it.
 
-    At most so many effects, and forms of each. Those that lead are refitted with their
-    core parameters; the few that come near the best then with their shape parameters,
-    and from closer starts.
+    `most` limits the effects and `forms` the forms of each. The leading effects are
+    refitted with their core parameters. The few near the best are then refitted with
+    their shape parameters, and from closer starts.
     """
     screen = Screen(engine, base)
     leads: dict[tuple[str, str, bool], Lead] = {}
@@ -92,7 +92,7 @@ def expand(
     found = [
         refine(engine, base, lead.piece, 6)
         for leads_ in list(of.values())[:most]
-        for lead in leads_[: forms + 1]  # a score test may be wrong by a place
+        for lead in leads_[: forms + 1]  # a score test may be wrong by one place
     ]
     new = [law for law in pool if law.id not in names(base)]
     found += [refine(engine, base, piece, 6) for piece in shown(engine, new)]
@@ -106,7 +106,7 @@ def expand(
 
 
 def _best_forms(found: Sequence[Fit], most: int) -> list[Fit]:
-    """The fits in order of misfit, at most so many forms of each set of effects."""
+    """Return fits in order of misfit, at most `most` forms of each set of effects."""
     kept: list[Fit] = []
     for one in sorted(found, key=schwarz):
         same = [k for k in kept if names(k) == names(one)]
@@ -117,7 +117,7 @@ def _best_forms(found: Sequence[Fit], most: int) -> list[Fit]:
 
 
 def shaped(engine: Engine, screen: Screen, found: Fit, closely: bool) -> Fit:
-    """The fit with the shape of its newest effect freed, where that is better."""
+    """Return the fit with the shape of its newest effect free, if that is better."""
     held = set(names(screen.base))
     index = next(
         i
@@ -138,15 +138,15 @@ def shaped(engine: Engine, screen: Screen, found: Fit, closely: bool) -> Fit:
 
 
 def schwarz(found: Fit) -> float:
-    """Misfit and a price for each number: which form of one effect to go on with."""
+    """Return misfit plus a price for each parameter; it ranks forms of an effect."""
     return found.chi2 + found.parameters * float(np.log(len(found.residual)))
 
 
 def shown(engine: Engine, pool: Sequence[Effect]) -> list[Piece]:
-    """Effects that recordings show by themselves, in those that do."""
+    """Return effects that recordings show without a model, in those recordings."""
     data = (engine.fine or engine).data
     out: list[Piece] = []
-    if data.continued:  # what went before is not at rest
+    if data.continued:  # a continued recording does not begin at rest
         return out
     for law in pool:
         known = law.form not in law.unknown
@@ -163,7 +163,7 @@ def shown(engine: Engine, pool: Sequence[Effect]) -> list[Piece]:
 
 
 def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit:
-    """The joint refit with one more piece, recordings it does not touch taken out."""
+    """Return the joint refit with one more piece, off in recordings without it."""
     pieces = sorted(base.guess.pieces + (piece,), key=lambda p: turn(p.effect))
     guess = Guess(base.guess.units, base.guess.stiffness, tuple(pieces))
     found = fit(engine, guess, fixed_base=base.fixed_base, iterations=iterations)
@@ -171,12 +171,12 @@ def refine(engine: Engine, base: Fit, piece: Piece, iterations: int = 10) -> Fit
 
 
 def turn(law: Effect) -> int:
-    """When an effect acts."""
+    """Return the place of an effect in the order in which effects act."""
     return next(i for i, known in enumerate(EFFECTS) if known.id == law.id)
 
 
 def prune(engine: Engine, found: Fit) -> Fit:
-    """The fit without recordings in which an effect is off within its error."""
+    """Return the fit without recordings where an effect is zero within its error."""
     limits = intervals(found)
     pieces, changed = [], False
     for i, piece in enumerate(found.guess.pieces):
@@ -210,9 +210,10 @@ def prune(engine: Engine, found: Fit) -> Fit:
 def release(
     engine: Engine, found: Fit, index: int, inside: bool, iterations: int = 10
 ) -> Fit:
-    """The same with the shape parameters of piece `index` freed.
+    """Return the fit with the shape parameters of piece `index` free.
 
-    `inside`: they start a little inside their range; at its end some laws do not move.
+    `inside`: start a little inside the range of each; at the end of its range the
+    gradient of some laws vanishes.
     """
     piece = found.guess.pieces[index]
     values = dict(piece.values)
@@ -246,7 +247,7 @@ def lifted(engine: Engine, found: Fit, index: int, iterations: int = 12) -> Fit:
 
 
 def merged(engine: Engine, found: Fit, index: int) -> Fit:
-    """The same with one value in all recordings that piece `index` is a mistake in."""
+    """Return the fit with one common value in all recordings where a scale is wrong."""
     piece = found.guess.pieces[index]
     if not piece.effect.scatter or len(piece.groups) < 2:
         return found
@@ -296,7 +297,7 @@ def _best(
     starts: Sequence[dict[str, Any]],
     mine: NDArray[np.integer],
 ) -> dict[str, Any]:
-    """Values of the law from the best of the starts, in these recordings alone."""
+    """Return the values of the best start for an effect, in these recordings alone."""
     pieces = [only(piece, mine) for piece in pieces_at(screen.engine, law, starts)]
     leads = screen.whole(pieces)
     return max(leads, key=lambda x: x.gain).piece.values if leads else pieces[0].values
@@ -305,7 +306,7 @@ def _best(
 def _refitted(
     engine: Engine, found: Fit, index: int, piece: Piece, iterations: int = 10
 ) -> Fit:
-    """The same with another piece in that place."""
+    """Return the fit with another piece in place of piece `index`."""
     pieces = list(found.guess.pieces)
     pieces[index] = piece
     guess = replace(found.guess, pieces=tuple(pieces))

@@ -1,4 +1,4 @@
-"""A case: a folder of recordings, and what `case.toml` says about them."""
+"""A case: a folder of recordings, and the settings in its `case.toml`."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from softnn.readers.tidy import read_folder, read_text
 from softnn.recording import Recording
 
 KEYS = ("model", "history", "specimen")
-LARGEST_STRAIN = 15.0  # 1500 %: beyond what any elastomer here stands
+LARGEST_STRAIN = 15.0  # 1500 %: no elastomer here survives more
 LARGEST_STRESS_MPa = 2000.0
-SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of what any gel or machine shows
+SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of the smallest sensible value
 LONGEST_S = 1e11  # three thousand years
-UNTOLD = ("no force to use", "no displacement to use")  # on sizes given for all files
-BESIDE = 9  # intervals, of which the middle one is usual
-PAUSE = 10  # of them, beyond which a logger lost nothing but stood still
+UNTOLD = ("no force to use", "no displacement to use")  # notes left out
+BESIDE = 9  # intervals; their median is the usual interval
+PAUSE = 10  # times the usual interval; a longer one is a pause, not lost samples
 
 
 @dataclass(frozen=True)
 class Case:
-    """Recordings of one case; `simulated_MPa` where somebody else's solver was used."""
+    """Recordings of one case; `simulated_MPa` if another solver's stress is stored."""
 
     name: str
     recordings: tuple[Recording, ...]
@@ -44,10 +44,10 @@ class Case:
     specimen: dict[str, str] = field(default_factory=dict)
     simulated_MPa: tuple[Array, ...] | None = None
     folder: Path | None = None
-    notes: tuple[str, ...] = ()  # what was inferred of the input, or is odd in it
+    notes: tuple[str, ...] = ()  # inferences about the input, and oddities in it
 
     def groups(self) -> list[tuple[int, ...]]:
-        """Recordings of each specimen, where several are named; else nothing."""
+        """Return recordings of each specimen; nothing if fewer than two are named."""
         if len(set(self.specimen.values())) < 2:
             return []
         by: dict[str, list[int]] = {}
@@ -57,9 +57,9 @@ class Case:
 
 
 def case_of(recordings: Sequence[Recording], name: str, **about: Any) -> Case:
-    """A case of recordings: their specimens, and their simulations if all have one.
+    """Return the case of recordings: their specimens, and simulations if all have one.
 
-    Those without a name are counted. Raises `InputError`.
+    Recordings without a name are numbered. Raises `InputError`.
     """
     for one in recordings:
         if not isinstance(one, Recording):
@@ -83,7 +83,7 @@ def read_case(
     options: ReadOptions | None = None,
     skip: Sequence[str] = (),
 ) -> Case:
-    """The case in `folder`, with or without recordings/ and case.toml.
+    """Return the case in `folder`, with or without recordings/ and case.toml.
 
     Raises `InputError` naming file, row and column.
     """
@@ -125,7 +125,7 @@ def read_case(
 
 
 def read_notes(recordings: Sequence[Recording]) -> list[str]:
-    """What the readers chose of each recording, in lines."""
+    """Return the choices of the readers, a line each."""
     return [
         f"{r.name}: {note}"
         for r in recordings
@@ -136,7 +136,7 @@ def read_notes(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _unlisted(folder: Path) -> list[str]:
-    """Notes on files that index.csv does not list."""
+    """Return notes on files that index.csv does not list."""
     text = (folder / "index.csv").read_text(encoding="utf-8", errors="replace")
     files, notes = files_of(folder)
     shown = [f.relative_to(folder).as_posix() for f in files]
@@ -148,7 +148,7 @@ def _unlisted(folder: Path) -> list[str]:
 
 
 def _simulated(recordings: Sequence[Recording]) -> tuple[Array, ...] | None:
-    """The simulations, where every recording carries one."""
+    """Return the simulations, if every recording carries one; None if none does."""
     without = [r for r in recordings if r.simulated_MPa is None]
     if not recordings or len(without) == len(recordings):
         return None
@@ -207,9 +207,9 @@ def _about(path: Path) -> dict:
 
 
 def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
-    """Refuse what can only be a wrong unit, and what cannot be diagnosed at all."""
+    """Raise `InputError` on a likely wrong unit, or if nothing can be diagnosed."""
     strain = np.nanmax(np.abs(recording.strain))
-    known = not recording.axes.component  # a component may be of any size
+    known = not recording.axes.component  # a component may have any size
     if known and strain > LARGEST_STRAIN:
         raise InputError(
             f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; is it in per "
@@ -244,14 +244,14 @@ def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
 
 
 def _row(recording: Recording, values: Array) -> int | None:
-    """The row of the largest value in a tidy CSV; of other files nobody knows it."""
+    """Return the CSV row of the largest value; None for other kinds of files."""
     read = next((s.arguments for s in recording.log if s.name == "read"), {})
     tidy = read.get("dialect", "tidy CSV") == "tidy CSV" and not read.get("notes")
     return int(np.nanargmax(np.abs(values))) + 2 if tidy else None
 
 
 def in_order(case: Case) -> Case:
-    """The case by the names of its recordings, where their order says nothing."""
+    """Return the case sorted by name, unless recordings continue one another."""
     if case.history != "fresh":
         return case
     by = sorted(range(len(case.recordings)), key=lambda i: case.recordings[i].name)
@@ -264,7 +264,7 @@ def in_order(case: Case) -> Case:
 
 
 def check_case(case: Case) -> None:
-    """Refuse recordings that cannot be diagnosed, whoever made them."""
+    """Raise `InputError` if recordings cannot be diagnosed, from whatever source."""
     names = [r.name for r in case.recordings]
     if not names:
         raise InputError(f"{case.name}: no recordings; at least one is needed")
@@ -295,9 +295,9 @@ def check_model(name: str) -> None:
 
 
 def to_data(case: Case) -> Data:
-    """The case as a fit wants it: gaps in strain bridged, masked in stress.
+    """Return the case as the fit takes it: missing strain interpolated.
 
-    Missing strain is bridged straight in time, and its stress is not used.
+    Missing strain is interpolated linearly in time, and its stress is not used.
     """
     chunks, stress, simulated = [], [], []
     for i, recording in enumerate(case.recordings):
@@ -328,11 +328,11 @@ def to_data(case: Case) -> Data:
 
 
 def mask_gaps(case: Case) -> Case:
-    """The case without stress after gaps in which the specimen was on the move.
+    """Return the case without stress after gaps in which the specimen moved.
 
-    What strain it saw in the gap nobody wrote down; the stress remembers a while.
-    A gap in which the strain stood still costs nothing. A recording that goes on from
-    another at another strain begins with such a gap.
+    The strain in such a gap is unknown, and the stress remembers it for a while. A gap
+    at constant strain costs nothing. A continued recording that starts at another
+    strain than the last one ended begins with such a gap.
     """
     out = []
     last: float | None = None
@@ -350,12 +350,12 @@ def mask_gaps(case: Case) -> Case:
         stress = np.array(recording.stress_MPa)
         cut = False
         if last is not None and abs(strain[0] - last) > 0.01 * span:
-            # The specimen went on from a strain this recording does not begin with.
+            # The recording starts at another strain than the last one ended.
             stress[recording.time_s < time[0] + 0.4 * (time[-1] - time[0])] = np.nan
             cut = True
         last = float(strain[-1]) if case.history == "continued" else None
         for i in np.flatnonzero(step > 6 * typical):
-            # Still on one side, as where a clock slows down for a dwell, is no travel.
+            # Still on one side, as when a logger slows for a dwell, means no travel.
             sides = rate[max(i - 3, 0) : i], rate[i + 1 : i + 4]
             travel = step[i] * min(float(s.max(initial=0.0)) for s in sides)
             straight = abs(strain[i + 1] - strain[i])
@@ -372,10 +372,10 @@ def mask_gaps(case: Case) -> Case:
 
 
 def mask_failure(case: Case) -> Case:
-    """The case without stress after a specimen has broken.
+    """Return the case without stress after the failure of a specimen.
 
-    Broken: while the strain goes on growing the stress falls, within a tenth of the way
-    it came, to less than a third of its peak.
+    Failure: as the strain grows by less than a tenth of its largest value, the stress
+    falls to less than a third of its peak.
     """
     out = []
     for recording in case.recordings:
@@ -403,10 +403,10 @@ def mask_failure(case: Case) -> Case:
 
 
 def thin(case: Case, most: int) -> Case:
-    """The case with at most about `most` samples a recording, reversals kept.
+    """Return the case with at most about `most` samples a recording, reversals kept.
 
-    Evenly spaced samples, and with them every turning point of the strain, so that the
-    history between samples is still straight.
+    Samples are evenly spaced, plus every turning point of the strain, so the strain
+    stays linear between samples.
     """
     out, simulated = [], []
     for i, recording in enumerate(case.recordings):
@@ -425,7 +425,7 @@ def _kept(strain: Array, time: Array, most: int) -> Array | None:
         return None
     _, even = np.unique(tick // stride, return_index=True)
     keep = {*even, len(time) - 1}
-    # Turning points on a scale of a hundredth of the range; noise makes no corner.
+    # Turning points larger than a hundredth of the range; noise makes none.
     filled = np.interp(time, time[np.isfinite(strain)], strain[np.isfinite(strain)])
     turn = np.flatnonzero(np.diff(np.sign(np.gradient(filled[even]))) != 0)
     band = 0.01 * (filled.max() - filled.min())
@@ -441,10 +441,10 @@ def _kept(strain: Array, time: Array, most: int) -> Array | None:
 
 
 def ticks(time: Array) -> NDArray[np.integer]:
-    """Of each sample, how many its logger had taken before it, lost ones counted.
+    """Return for each sample (n,) how many samples its logger took before it.
 
-    By the intervals around it, as rates may change. A pause is one interval.
-
+    Lost samples are counted, by the intervals around them, since rates may change. A
+    pause counts as one interval.
     >>> ticks(np.array([0.0, 1, 2, 4, 5, 5, 6, 7, 60, 61])).tolist()
     [0, 1, 2, 4, 5, 5, 6, 7, 8, 9]
     """

@@ -182,7 +182,7 @@ def _run(arguments: argparse.Namespace, out: Path, jobs: list[Job]) -> int:
     rows: list[dict[str, Any]] = [{} for _ in jobs]
     single = len(jobs) == 1
     shown = Shown(batch.case_name(jobs[0].source), quiet=not single or arguments.json)
-    # A bar of this process goes to no other machine.
+    # The progress bar of this process does not reach other machines.
     if single and not (arguments.json or arguments.scheduler):
         jobs[0] = replace(jobs[0], say=shown.say)
     bar = tqdm(total=len(jobs), unit="case", disable=single or None)

@@ -14,25 +14,25 @@ from softnn.fit import Fit
 from softnn.mismatch.posterior import NAMED, SURE, Posterior, Tried
 from softnn.mismatch.verify import Heldout
 
-NEAR = 0.05  # of misfit over noise, a sample, up to which nothing more is seen
-HELPS = 1 / 3  # of the held-out misfit over the noise, that an explanation takes away
+NEAR = 0.05  # misfit over noise, a sample, up to which only noise is left
+HELPS = 1 / 3  # of the held-out misfit over the noise, that effects must remove
 FEWEST = 30  # samples in all; with fewer no effect is named
 
 
 @dataclass(frozen=True)
 class Shows:
-    """What recordings can show, whatever the candidates are."""
+    """What the recordings can show, whatever the candidates are."""
 
-    few: bool  # too few samples to tell anything apart
-    only_loading: bool  # nothing but first loading, on which most physics looks alike
+    few: bool  # too few samples to distinguish effects
+    only_loading: bool  # first loading alone, on which most effects look alike
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What is said. `account` corrects the simulation: the base alone where none does.
+    """The decision. `account` corrects the simulation: the base alone if none does.
 
-    `helps`: whether the selected effects predict left-out recordings better than the
-    base does, by more than a little.
+    `helps`: whether the selected effects predict left-out recordings clearly better
+    than the base does.
     """
 
     names: tuple[str, ...]
@@ -46,14 +46,14 @@ class Decision:
 
 
 def of_material(found: Fit) -> bool:
-    """Whether a fit has an effect of the material."""
+    """Return whether a fit has an effect of the material."""
     return any(
         p.effect.stage == "material" for p in found.guess.pieces if not p.nuisance
     )
 
 
 def named_in_order(account: Tried) -> tuple[str, ...]:
-    """The effects of an account in the order in which they act."""
+    """Return the effects of a candidate in the order in which they act."""
     return tuple(p.effect.id for p in account.fit.guess.pieces if not p.nuisance)
 
 
@@ -65,20 +65,20 @@ def decide(
     judged_apart: Callable[[Tried], frozenset[str]],
     misfit: Callable[[Tried], float],
 ) -> Decision:
-    """The decision where some candidate may explain the recordings down to the noise.
+    """Decide where some candidate may explain the recordings down to the noise.
 
-    `heldout` is the error of an account on recordings left out. `judged_apart` are the
-    effects of an account that single recordings show by themselves, whatever the
-    material is: these need not predict other recordings. `misfit` of an account is in
-    units of the noise, so that 1 is noise alone.
+    `heldout` returns the error of a candidate on recordings left out. `judged_apart`
+    returns those of its effects that single recordings show without a model; these need
+    not predict other recordings. `misfit` returns the misfit of a candidate in units of
+    the noise: 1 is noise alone.
     """
     best, before = posterior.best, heldout(base)
     after = heldout(best)
     tellable = not shows.few and not (of_material(best.fit) and shows.only_loading)
 
     def helps(account: Tried, after: Heldout) -> bool:
-        # Where the base leaves noise alone, or only faults of single recordings are
-        # named, there is nothing that could be predicted better.
+        # If the base leaves noise alone, or only faults of single recordings are
+        # named, no prediction could become better.
         void = before.misfit < 1 + NEAR or account.effects <= judged_apart(account)
         return bool(void or before.misfit - after.misfit > HELPS * (before.misfit - 1))
 
@@ -116,12 +116,12 @@ def decide_by_prediction(
     shows: Shows,
     judged_apart: Callable[[Tried], frozenset[str]],
 ) -> Decision:
-    """The decision where no candidate explains the recordings down to the noise.
+    """Decide where no candidate explains the recordings down to the noise.
 
-    `best` predicts best and nowhere worse than the base; it corrects the simulation,
-    whatever is named. Names are the effects that such a prediction needs: those without
-    which every set predicts worse (`prediction.posterior`). Where the base predicts as
-    well as any, only faults of single recordings may be named.
+    `best` is the candidate that predicts best and nowhere worse than the base; it
+    corrects the simulation, whatever is named. An effect is named if every set without
+    it predicts worse (`prediction.posterior`). If the base predicts as well as any
+    candidate, only faults of single recordings may be named.
     """
     apart = frozenset[str]().union(
         *(judged_apart(h.account) for h in posterior.hypotheses)
@@ -132,7 +132,7 @@ def decide_by_prediction(
     wanted = posterior.selected if helps else apart
     if shows.few:
         wanted = frozenset()
-    # What corrects these recordings has their own faults as well.
+    # The correction of these recordings includes their own faults.
     whole = best.effects | (apart if not shows.few else frozenset())
     same = [h.account for h in posterior.hypotheses if h.effects == whole]
     account = same[0] if same and tellable else best
@@ -162,15 +162,15 @@ def _corrects(
     heldout: Callable[[Tried], Heldout],
     shows: Shows,
 ) -> tuple[Tried, Heldout]:
-    """The set that predicts best, of those that share the probability and hold all
-    names; the base where nothing is named and no set predicts better."""
+    """Return the best predicting of the likely sets that hold all names, and its error;
+    the base where nothing is named and no set predicts better."""
     first = named if names else (base, before)
     tried = [first]
-    # What first loading leaves out may be anything; each candidate goes its own way.
+    # Beyond first loading anything may be missing; candidates differ there.
     for account in () if shows.few or shows.only_loading else posterior.readings():
         if account.effects > set(names):
             left = heldout(account)
-            # The misfit is linearised: laws that bend may predict well that way only.
+            # The misfit is linearised; nonlinear laws may fit worse than it says.
             tried += [(account, left)] * (left.nrmse <= first[1].nrmse)
     return min(tried, key=lambda t: t[1].misfit)
 
@@ -191,7 +191,7 @@ def _verdict(
         return "partly_explained" if beside else "explained"
     if posterior.nothing >= NAMED:
         return "nothing_missing"
-    known = posterior.selected and tellable  # and yet it may not be named
+    known = posterior.selected and tellable  # and yet perhaps not named
     unexplained = known or posterior.nothing_named >= NAMED
-    missing = posterior.nothing <= 1 - SURE  # is said only where it is sure
+    missing = posterior.nothing <= 1 - SURE  # said only if it is sure
     return "unexplained" if missing and unexplained else "undetermined"

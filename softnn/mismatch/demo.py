@@ -1,4 +1,4 @@
-"""Virtual recordings with an effect concealed in them, for a first look."""
+"""Virtual recordings with one concealed effect, for a first look."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from softnn.simulate import Term, simulate
 MATERIAL = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.4, 8.0))
 STIFFNESS_MPa = np.array([0.5, 0.6, 0.25, 0.2])
 NOISE = 0.004  # of the largest stress
-SAMPLES = 300  # a recording, as a rule
-WARMING_C = 20.0  # over a recording, where an effect needs it
+SAMPLES = 300  # usual number of samples of a recording
+WARMING_C = 20.0  # over a recording, if an effect needs a change of temperature
 
 
 def conceal(folder: Path, name: str, seed: int = 0) -> list[str]:
-    """Write recordings with the effect `name` into folder/recordings; their names.
+    """Write recordings with the effect `name` into folder/recordings; return names.
 
-    The folder is a case as any other: nothing in it tells what was concealed. Raises
-    `InputError` for an effect that is not known.
+    The folder is a case like any other; nothing in it names the concealed effect.
+    Raises `InputError` for an unknown effect.
     """
     law = effect(name)
     chunks = [*_programmes(), law.telltale()]
@@ -36,7 +36,7 @@ def conceal(folder: Path, name: str, seed: int = 0) -> list[str]:
             replace(c, temperature_C=t) for c, t in zip(chunks, warm, strict=True)
         ]
     clean = simulate(MATERIAL, STIFFNESS_MPa, [], chunks)
-    # A clear effect, of the size of these recordings, in the last of them at least.
+    # A clear effect at the size of these recordings, at least in the last of them.
     scales = Data(("",) * len(chunks), tuple(chunks), tuple(clean)).scales()
     planted = Term(law, law.defaults() | law.starts(scales)[0])
     truth = simulate(MATERIAL, STIFFNESS_MPa, [planted], chunks)
@@ -54,7 +54,7 @@ def conceal(folder: Path, name: str, seed: int = 0) -> list[str]:
 
 
 def _programmes() -> list[Chunk]:
-    """Ramps at three rates, growing cycles with each amplitude twice, and a hold."""
+    """Return ramps at three rates, cycles (each amplitude twice), and a hold."""
     return [
         _through([0, 0.6, 0], 0.02),
         _through([0, 0.6, 0], 0.2),
@@ -64,7 +64,7 @@ def _programmes() -> list[Chunk]:
 
 
 def _through(levels: list[float], rate: float) -> Chunk:
-    """Straight strain between levels at a rate [1/s]; equal levels hold for 60 s."""
+    """Return linear strain between levels at a rate [1/s]; equal levels hold 60 s."""
     steps = np.abs(np.diff(levels)) / rate
     corners = np.concatenate([[0.0], np.cumsum(np.where(steps > 0, steps, 60.0))])
     time = np.linspace(0.0, corners[-1], SAMPLES)

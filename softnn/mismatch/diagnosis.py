@@ -1,4 +1,4 @@
-"""From a case to its diagnosis: the flow, and what comes of it."""
+"""From a case to its diagnosis: all steps, and the result."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
 
 
-STEPS = 900  # of fits in a diagnosis of one recording, as measured; roughly
+STEPS = 900  # fits in a diagnosis of one recording, roughly, as measured
 
 
 @dataclass(repr=False)
 class Diagnosis:
-    """What was left out, how sure that is, and the corrected model.
+    """The answer: effects that were left out, how sure that is, the corrected model.
 
-    Arrays are lists of one (n,) a recording: time in s, strain, stress in MPa measured
-    and simulated before and after the correction. Of a component they are in its own
-    units, as `axes` says.
+    Arrays are lists of one (n,) for each recording: time in s, strain, and stress in
+    MPa, measured and simulated before and after the correction. Stresses and strains of
+    a component are in its own units, which `axes` gives.
     """
 
     case: Case
@@ -73,12 +73,12 @@ class Diagnosis:
 
     @property
     def axes(self) -> Axes:
-        """What strain and stress are here, with their units."""
+        """The quantities and units of strain and stress in this case."""
         return self.case.recordings[0].axes
 
     @property
     def summary(self) -> str:
-        """The answer in a sentence or two, with how sure it is."""
+        """The answer in a sentence or two, with its probability."""
         return str(self.result["summary"])
 
     @property
@@ -88,12 +88,12 @@ class Diagnosis:
 
     @property
     def selected(self) -> list[str]:
-        """Ids of the effects named: those of probability 0.5 or more."""
+        """Ids of the effects named: those with a probability of 0.5 or more."""
         return list(self.result["selected"])
 
     @property
     def probability(self) -> dict[str, float]:
-        """Probability of every effect that was tried."""
+        """Probability of every effect that was tried, by its id."""
         rows = self.result["candidates"]
         return {r["effect"]: r["probability"] for r in rows if r["effect"] is not None}
 
@@ -105,13 +105,13 @@ class Diagnosis:
         return stored
 
     def to_frame(self) -> pd.DataFrame:
-        """The candidates, a row each, the likeliest first."""
+        """Return a table of the candidates, a row each, the likeliest first."""
         import pandas as pd
 
         return pd.DataFrame(self.result["candidates"])
 
     def report(self, path: str | Path) -> Path:
-        """Write report.html and its pictures into the folder `path`; the page."""
+        """Write report.html and its pictures into the folder `path`; return it."""
         from softnn.report import write_report
 
         Path(path).mkdir(parents=True, exist_ok=True)
@@ -124,7 +124,7 @@ class Diagnosis:
         progress.stage("writing")
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
-        # All of it aside first: where the disk is full, what was there before stays.
+        # Write into a temporary folder first: a full disk spoils no earlier result.
         with tempfile.TemporaryDirectory(prefix=".new-", dir=target) as new:
             aside = Path(new)
             write(aside / "model.json", self.model_json)
@@ -132,20 +132,20 @@ class Diagnosis:
             self.report(aside)
             write(aside / "diagnosis.json", self.result)
             for file in ("model.json", "base.json", "report.html", "diagnosis.json"):
-                (aside / file).replace(target / file)  # last it says that all is there
+                (aside / file).replace(target / file)  # diagnosis.json last
         return target
 
 
 def diagnose(
     case: Case, model: str | Stored | StoredNetwork | None = None, seed: int = 0
 ) -> Diagnosis:
-    """Diagnose a case with the base `model`.
+    """Diagnose a case with the base `model`; return a `Diagnosis`.
 
-    None takes the model the case names, else its `simulated_MPa`, else pl-wiechert. A
-    stored model is taken as it is, not refitted. Raises `InputError` for recordings
-    that cannot be diagnosed.
+    None takes the model that the case names, else its `simulated_MPa`, else
+    pl-wiechert. A stored model stays as it is, without a refit. Raises `InputError` for
+    recordings that cannot be diagnosed.
     """
-    # Its products are small: more threads than one take longer.
+    # The matrices are small: with several threads the products take longer.
     with threadpool_limits(limits=1, user_api="blas"):
         return _diagnose(case, model, seed)
 
@@ -167,7 +167,7 @@ def _diagnose(
     elif model is not None:
         source = model.source
         case = replace(_simulated_by(case, model), model=None)
-        if not isinstance(model, Stored):  # a network knows what it was shown
+        if not isinstance(model, Stored):  # a network knows the range of its training
             never = untaught.stretches(case, model.known)
         model = None
     whole, case = case, untaught.taught(case, never)
@@ -181,7 +181,7 @@ def _diagnose(
     result["seconds"] = round(time.perf_counter() - clock, 3)
 
     shown = told.fine
-    if never:  # what was diagnosed is a part of it
+    if never:  # the diagnosed part of the case
         data = to_data(usable(counted(whole, axes), base.REPORT))
         shown = beyond(data, data.simulated_MPa or (), told.before.guess)
     names, fixed = shown.data.names, told.base.fixed
@@ -207,7 +207,7 @@ def _diagnose(
 
 
 def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
-    """The case with the stress of a stored model as its simulation."""
+    """Return the case with the stress of a stored model as its simulation."""
     common({"the model": stored.axes} | {r.name: r.axes for r in case.recordings})
     data = to_data(case)
     given_ = data.simulated_MPa or [None] * len(data.chunks)
@@ -218,7 +218,7 @@ def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
 
 
 def _axes(case: Case) -> Axes:
-    """The axes of a case; of a component with round numbers of its units as 1."""
+    """Return the axes of a case; a component gets round numbers of its units as 1."""
     axes = common({r.name: r.axes for r in case.recordings})
     if not axes.component:
         return axes
@@ -228,7 +228,7 @@ def _axes(case: Case) -> Axes:
 
 
 def counted(case: Case, axes: Axes) -> Case:
-    """The case with its channels counted on these axes: as strain and MPa."""
+    """Return the case with its channels rescaled to strain and MPa by these axes."""
     x, y = axes.strain.one, axes.stress.one
 
     def one(r: Recording) -> Recording:

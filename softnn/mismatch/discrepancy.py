@@ -1,4 +1,4 @@
-"""Smooth functions of the state that laws are bent by, and that stand for all else."""
+"""Smooth functions of the state, for form errors of laws and for discrepancies."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from softnn.fit import Engine, Fit
 from softnn.models.unit_kernel import maxwell
 from softnn.state import features
 
-OWN = 5  # functions of the time of a recording
-LENGTH = 1.0  # of the functions of the state, in standard deviations of it
-GAP, MOST_GAPS = 6.0, 3  # typical intervals; of a recording, the longest
-FADING = 4  # paces at which what was not written down is forgotten
+OWN = 5  # smooth functions of the time of one recording
+LENGTH = 1.0  # of the functions of the state, in standard deviations
+GAP, MOST_GAPS = 6.0, 3  # length in typical intervals; the longest few of a recording
+FADING = 4  # rates at which the memory of unknown strain fades
 
 
 def states(engine: Engine) -> Array:
-    """State of each sample (valid, features), each of mean 0 and deviation 1.
+    """Return the state of each sample (valid, features), standardised (mean 0, sd 1).
 
-    Strain and its history, rate and times as `softnn.state` has them; temperature; and
-    the place of the recording among all.
+    The features are strain and its history, rate and times as in `softnn.state`,
+    temperature, and the index of the recording.
     """
     count = len(engine.chunks)
     warm = all(c.temperature_C is not None for c in engine.chunks)
@@ -35,11 +35,11 @@ def states(engine: Engine) -> Array:
 
 
 def fourier(x: Array, count: int, rng: np.random.Generator) -> Array:
-    """Random smooth functions (n, count) of states; sums of them have variance one.
+    """Return random smooth functions (n, count) of states; their sum has variance one.
 
-    Each is of one feature of the state, or of two: laws bend by few things at a time,
-    and functions of all at once are too many to be met by a few (Duvenaud, Nickisch and
-    Rasmussen 2011, additive Gaussian processes).
+    Each function depends on one or two features. Errors of laws depend on few features
+    at a time, and a few functions of all features would not cover the space (Duvenaud,
+    Nickisch and Rasmussen 2011, additive Gaussian processes).
     """
     wave = rng.standard_normal((x.shape[1], count)) / LENGTH
     of = np.zeros(wave.shape, bool)
@@ -50,9 +50,9 @@ def fourier(x: Array, count: int, rng: np.random.Generator) -> Array:
 
 
 def by_recording(engine: Engine) -> Array:
-    """Smooth functions (valid, k) of the time of each recording, the others zero.
+    """Return smooth functions (valid, k) of the time of each recording, else zero.
 
-    None is constant: that is an offset, which has a name.
+    None is constant: a constant is an offset, and that is an effect with a name.
     """
     out = np.zeros((len(engine.target), OWN * len(engine.chunks)))
     for r, chunk in enumerate(engine.chunks):
@@ -67,10 +67,11 @@ def by_recording(engine: Engine) -> Array:
 
 
 def unwritten(engine: Engine, base: Fit) -> Array:
-    """What nobody wrote down (valid, k): any memory of branches after a gap or a pause.
+    """Return the memory of strain that nobody recorded, as columns (valid, k).
 
-    What strain a specimen saw in a gap of time, or before a recording that goes on from
-    another, is not known; what it left fades at the paces of the branches of the base.
+    The strain during a gap of time is unknown, and so is the strain before a recording
+    that goes on from another. Its stress fades at the rates of the branches of the
+    base.
     """
     units = base.guess.units
     live = base.guess.stiffness[units.segments :] > 0
@@ -85,7 +86,7 @@ def unwritten(engine: Engine, base: Fit) -> Array:
         gaps = np.flatnonzero(step > GAP * np.median(step)) + 1
         begins = list(time[gaps[np.argsort(-step[gaps - 1])][:MOST_GAPS]])
         begins += [time[0]] if engine.data.continued and r else []
-        # What is carried on is carried through the recordings that follow, too.
+        # The memory continues through the recordings that follow.
         own = engine.owner >= r if engine.data.continued else engine.owner == r
         for begin in begins:
             since = (clock - begin)[:, None]
@@ -95,7 +96,7 @@ def unwritten(engine: Engine, base: Fit) -> Array:
 
 
 def trailing(x: Array, time: Array, owner: NDArray[np.integer], lag_s: float) -> Array:
-    """x (valid,) low-passed within each recording, at its typical interval."""
+    """Return x (valid,) low-passed within each recording, at its typical interval."""
     out = np.empty_like(x)
     for r in np.unique(owner):
         own = owner == r

@@ -35,35 +35,35 @@ from softnn.mismatch.discrepancy import (
 from softnn.mismatch.specimens import cost, picked, sizes
 from softnn.mismatch.tails import WIDE, shares
 
-BENDS, SHARED = 30, 40  # functions that bend an effect, and of the state
-LAGS = (3.0, 30.0)  # typical intervals, by which an effect may trail
-FORM = (0.0, 0.03, 0.1, 0.3)  # tau
-ELSE = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)  # a, of the largest stress
-SCATTER = (0.0, 0.01, 0.02, 0.04)  # of the stress, between specimens
-MISTAKE = (0.03, 0.1, 0.3, 1.0)  # of it, of recordings that are wrong by a scale
-# Bends, three kinds of discrepancy, scatter, mistakes.
+BENDS, SHARED = 30, 40  # functions of the state: form errors, discrepancy
+LAGS = (3.0, 30.0)  # delays of an effect, in typical intervals
+FORM = (0.0, 0.03, 0.1, 0.3)  # tau, form error relative to the effect
+ELSE = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1)  # a, relative to the largest stress
+SCATTER = (0.0, 0.01, 0.02, 0.04)  # spread of specimen scales
+MISTAKE = (0.03, 0.1, 0.3, 1.0)  # size of the error of a mis-scaled recording
+# Form errors, three kinds of discrepancy, specimen scales, mis-scaled recordings.
 GRIDS = (FORM, ELSE, ELSE, ELSE, SCATTER, MISTAKE)
-OWN_TIME, APART, WRONG = 3, 4, 5  # their places
+OWN_TIME, APART, WRONG = 3, 4, 5  # indices into `GRIDS`
 FORM_PRIOR = 0.1  # half-normal scale of tau
-SCATTER_PRIOR = 0.025  # of that scatter: elastomers differ by some per cent
-EXACT = 0.88  # prior probability that laws are as they stand, and all there is
-ELSE_PRIOR = 0.0003  # of a, where effects are meant to be all there is
-CLASS = 0.02  # of the stress: a machine of class 2 errs no more, ISO 7500-1
-# Of columns that are nearly one products are known to rounding alone: the least works.
+SCATTER_PRIOR = 0.025  # of SCATTER: elastomers differ by some per cent
+EXACT = 0.88  # prior probability that laws are exact and complete
+ELSE_PRIOR = 0.0003  # scale of a, if the effects are meant to explain everything
+CLASS = 0.02  # of the stress: largest error of a machine of class 2, ISO 7500-1
+# Products of nearly equal columns are rounding errors: add the least that works.
 ROUNDING, ROUNDED = (1e-10, 1e-9, 1e-8), 1e-12
-MOST = 0.03  # of samples, that may be off by more than noise
+MOST = 0.03  # largest share of samples that may be outliers
 SEED = 1
 
-Top = tuple[list[int], float]  # a point of `GRIDS`, and what it is worth
+Top = tuple[list[int], float]  # a point of `GRIDS` and its score
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Logarithms of marginal likelihoods, without the prior of the set.
+    """Logarithms of marginal likelihoods, without the prior of the set, in nats.
 
-    `bare`: of the laws as they stand; `alone`: either so, or with the form error and a
-    discrepancy that is slight; `beside`: with something else of any size. `form`,
-    `beside_size` and `scatter` are the scales of these at their best.
+    `bare`: exact laws. `alone`: exact laws, or a form error and a slight discrepancy.
+    `beside`: a further discrepancy of any size. `form`, `beside_size` and `scatter` are
+    the best scales of form error, discrepancy and specimens.
     """
 
     bare: float
@@ -72,11 +72,11 @@ class Evidence:
     form: float
     beside_size: float
     scatter: float
-    numbers: int  # free ones, of the effects
+    numbers: int  # free parameters of the effects
 
 
 class Weigher:
-    """Weighs fits to one set of recordings."""
+    """Computes the evidence of fits to one set of recordings."""
 
     def __init__(self, engine: Engine, base: Fit) -> None:
         self.engine = engine
@@ -90,9 +90,9 @@ class Weigher:
         self._white: tuple[int, Array, Array, Array] | None = None
 
     def weigh(self, found: Fit, whole: bool = True) -> Evidence:
-        """The evidence of a fit under the noise that the engine weighs by.
+        """Return the evidence of a fit under the noise that the engine weighs by.
 
-        If not `whole`, nothing is worked out of what is beside something else.
+        Unless `whole`, `beside` is not computed and equals `alone`.
         """
         engine = self.engine
         if self._white is None or self._white[0] != engine.noises:
@@ -107,7 +107,7 @@ class Weigher:
             else np.zeros((len(other), 0))
         )
         free, apart, wrong, had = scattered(found)
-        # Weights of the scatter are counted from none, not from where the fit has them.
+        # Scales are weighed from zero, not from their fitted values.
         line = Linear(
             found.residual + had,
             np.concatenate([form, apart, wrong], axis=1),
@@ -119,7 +119,7 @@ class Weigher:
         unsaid = against(found)
         there = {0: form.shape[1], APART: apart.shape[1], WRONG: wrong.shape[1]}
         widths = [*there.values(), SHARED, SHARED, self.own.shape[1]]
-        kinds = np.repeat([*there, 1, 2, 3], widths)  # places in `GRIDS`
+        kinds = np.repeat([*there, 1, 2, 3], widths)  # indices into `GRIDS`
         norm = engine.log_norm - 0.5 * len(other) * np.log(2 * np.pi) - chosen(found)
 
         def value(line: Linear, scales: Array, free: bool) -> float:
@@ -142,11 +142,11 @@ class Weigher:
         beside = alone
         if whole:
             place = alone[0][0]
-            more = sum(a <= CLASS for a in GRIDS[OWN_TIME][:-1])  # than a machine has
+            more = sum(a <= CLASS for a in GRIDS[OWN_TIME][:-1])  # class of the machine
             wide = [*place[:OWN_TIME], more, *place[APART:]]
             beside = [top(line, True, place, wide)]
             at = beside[0][0]
-            # Each of these is a bound: of what is off the likeliest counts.
+            # Each of these is a lower bound; the likeliest set of outliers counts.
             for scales in map(scales_at, [at] if at == place else [at, place]):
                 lines.append(copy(line))
                 if len(lines[-1].excuse(scales[kinds])):
@@ -167,7 +167,7 @@ class Weigher:
         )
 
     def bent(self, change: Array) -> Array:
-        """What form errors of scale one would make of an effect (valid, k), MPa."""
+        """Return form errors of scale one of an effect as columns (valid, k), MPa."""
         engine = self.engine
         interval = engine.data.scales().interval_s
         time = np.concatenate([c.time_s for c in engine.chunks])[engine.valid]
@@ -180,13 +180,13 @@ class Weigher:
 
 
 class Linear:
-    """A whitened residual (n,) over columns with normal weights, and over free ones.
+    """Linear model of a whitened residual (n,): columns with normal or free weights.
 
-    The columns are `mine` and `other` (n, k in all), of which the `products` with
-    themselves are known; `q` (n, j) spans what is free. Some samples may be off by more
-    than noise: that its density is a mixture of a narrow and a wide normal is bounded
-    by a normal one for each sample, which touches it at what is left there (Box and
-    Tiao 1968, doi:10.1093/biomet/55.1.119; Jaakkola and Jordan 2000,
+    `mine` and `other` (n, k in all) are the columns with normal weights; `products` are
+    the products of `other` with itself. `q` (n, j) spans the columns with free weights.
+    Outliers: the density of a sample is a mixture of a narrow and a wide normal. It is
+    bounded from below by one normal density for each sample, which touches it at the
+    residual (Box and Tiao 1968, doi:10.1093/biomet/55.1.119; Jaakkola and Jordan 2000,
     doi:10.1023/A:1008932416310).
     """
 
@@ -204,20 +204,20 @@ class Linear:
         across = mine.T @ other
         gram = np.block([[mine.T @ mine, across], [across.T, products]])
         self.taken = np.concatenate([q.T @ mine, q.T @ other], axis=1)
-        rounded = ROUNDED * np.diag(gram)  # what is left of large products is not exact
+        rounded = ROUNDED * np.diag(gram)  # differences of large products are not exact
         gram -= self.taken.T @ self.taken
         gram[np.diag_indices_from(gram)] += rounded
         self.gram = gram
         self.right = np.concatenate([self.residual @ mine, self.residual @ other])
         self.square = float(self.residual @ self.residual)
-        self.cost = 0.0  # of the samples that are off
+        self.cost = 0.0  # price of the outliers
 
     def value(self, scale: Array) -> float:
-        """Log evidence (but a constant) with weights (k,) of these scales."""
+        """Return the log evidence (to a constant) for weights (k,) of these scales."""
         return gained(self.gram, self.right, scale) - 0.5 * self.square - self.cost
 
     def left(self, scale: Array) -> Array:
-        """Residual (n,) beside the likeliest weights of these scales."""
+        """Return the residual (n,) at the likeliest weights of these scales."""
         live = np.flatnonzero(scale)
         s, (mine, other) = scale[live], self.columns
         inner = self.gram[np.ix_(live, live)] * np.outer(s, s)
@@ -228,7 +228,7 @@ class Linear:
         return self.residual - made + self.q @ (self.q.T @ made)
 
     def excuse(self, scale: Array) -> NDArray[np.integer]:
-        """Down-weight likely outliers, beside weights of these scales; call once.
+        """Down-weight likely outliers at the best weights of these scales; call once.
 
         Returns the indices of the outliers.
         """
@@ -257,7 +257,7 @@ class Linear:
 
 
 def scales_at(place: Sequence[int]) -> Array:
-    """Scales at a point of `GRIDS`."""
+    """Return the scales at a point of `GRIDS`."""
     return np.array([g[i] for g, i in zip(GRIDS, place, strict=True)])
 
 
@@ -266,9 +266,9 @@ def climb(
     start: Sequence[int],
     moved: Sequence[int],
 ) -> tuple[list[int], float]:
-    """The best point of `GRIDS` uphill from `start`, one coordinate at a time.
+    """Return the best point of `GRIDS` uphill from `start`, one coordinate at a time.
 
-    `moved`: the coordinates that there are.
+    `moved`: the coordinates that may change.
     """
     known: dict[tuple[int, ...], float] = {}
 
@@ -293,10 +293,11 @@ def climb(
 
 
 def gained(gram: Array, right: Array, scale: Array) -> float:
-    """Log evidence of columns with normal weights of these scales, over none.
+    """Return the log evidence gained by columns with normal weights of these scales.
 
-    `gram` (k, k) and `right` (k,): products of the whitened columns with each other and
-    with the residual. Weights integrated out; the textbook's Bayesian linear model.
+    `gram` (k, k) and `right` (k,) are products of the whitened columns with each other
+    and with the residual. The weights are integrated out, as in the Bayesian linear
+    model of textbooks.
 
     >>> gained(np.eye(1), np.array([2.0]), np.array([1.0])).__round__(4)
     0.6534
@@ -320,10 +321,11 @@ def gained(gram: Array, right: Array, scale: Array) -> float:
 
 
 def worth(found: Fit, slot: Slot) -> int:
-    """How many numbers a slot is paid for as.
+    """Return how many parameters a slot counts as in the price of a model.
 
-    A moment is found to an interval, not to its root: it is two (Zhang and Siegmund
-    2007, doi:10.1111/j.1541-0420.2006.00662.x). Scales have a prior of their own.
+    A moment counts twice: its error falls with the sample interval, not with the square
+    root of the interval (Zhang and Siegmund 2007,
+    doi:10.1111/j.1541-0420.2006.00662.x). Scales count zero: they have their own prior.
     """
     if slot.piece < 0:
         return 1
@@ -335,22 +337,22 @@ def worth(found: Fit, slot: Slot) -> int:
 
 
 def mistaken(found: Fit, slot: Slot) -> bool:
-    """Whether a number is by what scale a recording is wrong: paid by its own prior."""
+    """Return whether a slot is the scale of a mis-scaled recording (it has a prior)."""
     piece = found.guess.pieces[slot.piece] if slot.piece >= 0 else None
     return piece is not None and piece.effect.scatter and not piece.nuisance
 
 
 def against(found: Fit) -> float:
-    """Log odds against the specimens that nobody named, if it has any."""
+    """Return the log odds against specimens without labels; 0 if the fit has none."""
     unsaid = [p for p in found.guess.pieces if p.unsaid]
     counts = [len(p.values[p.effect.amplitude]) for p in unsaid]
     return sum(cost(sizes(n, p.groups)) for n, p in zip(counts, unsaid, strict=True))
 
 
 def chosen(found: Fit) -> float:
-    """Log odds against these recordings being those that are wrong by a scale.
+    """Return the log odds against this choice of mis-scaled recordings.
 
-    Their values are paid by a prior of their own.
+    The sizes of their errors have a prior of their own.
     """
     wrong = [p for p in found.guess.pieces if p.effect.scatter and not p.nuisance]
     counts = [len(p.values[p.effect.amplitude]) for p in wrong]
@@ -384,7 +386,7 @@ def scattered(found: Fit) -> tuple[Array, Array, Array, Array]:
 
 
 def changes(engine: Engine, found: Fit) -> list[Array]:
-    """Of each effect what it changes of the stress (valid,), MPa, the others there."""
+    """Return the change of stress (valid,), MPa, by each effect beside the others."""
     out = []
     for i, piece in enumerate(found.guess.pieces):
         if piece.nuisance:

@@ -1,8 +1,8 @@
-"""Faults of single recordings, judged where no law of the material matters.
+"""Faults of single recordings, judged without any model of the material.
 
-What is read before anything moves, readings that stay at a limit, and differences
-between replicates say the same whatever the material is. So these faults are judged by
-themselves, once for all candidate models.
+Stress before the first strain, readings that stay at a limit, and differences between
+replicates mean the same for every material. So these faults are judged by themselves,
+once for all candidate models.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from softnn.mismatch.accounts import REFITTED
 from softnn.mismatch.candidates import refine, shown
 from softnn.mismatch.posterior import NAMED, Hypothesis, Posterior
 
-LEAST = 0.01  # of probability, that is worth a candidate of its own
-CLIPPED = 0.99  # probability of a limit, where the highest readings are all the same
+LEAST = 0.01  # probability from which a fault gets a candidate model of its own
+CLIPPED = 0.99  # probability of a limit, if the highest readings are all equal
 
 
 @dataclass(frozen=True)
 class Fault:
-    """An effect that is on in some recordings, and how likely that is."""
+    """An effect that is present in some recordings, and its probability."""
 
     piece: Piece
     chance: float
@@ -37,11 +37,11 @@ class Fault:
 
     @property
     def likely(self) -> bool:
-        """Whether it is named."""
+        """Whether the fault is named."""
         return self.chance >= NAMED
 
     def said(self, found: Fit) -> frozenset[str]:
-        """The id of the fault, if it is likely and a fit has it in its recordings."""
+        """Return the id of the fault if it is likely and a fit has it there too."""
         if not self.likely:
             return frozenset()
         mine = (p for p in found.guess.pieces if p.effect.id == self.effect)
@@ -50,18 +50,18 @@ class Fault:
 
 
 def on(piece: Piece) -> set[int]:
-    """The recordings that a piece is on in."""
+    """Return the indices of the recordings in which an effect is present."""
     return {r for group in piece.groups for r in group}
 
 
 def at_limit(engine: Engine) -> list[Fault]:
-    """A limit of the load cell, where the highest readings are all the same."""
+    """Return a load-cell limit, if the highest readings are all equal."""
     laws = [law for law in EFFECTS if law.id == "load_cell_saturation"]
     return [Fault(piece, CLIPPED) for piece in shown(engine, laws)]
 
 
 def asked(probable: Posterior, fault: Fault, engine: Engine) -> Posterior:
-    """The posterior, each hypothesis shared: with the fault, or without it."""
+    """Return the posterior with each hypothesis split: with and without the fault."""
 
     def ask(found: Fit) -> tuple[float, Fit] | None:
         if any(p.effect.id == fault.effect for p in found.guess.pieces):
@@ -72,7 +72,7 @@ def asked(probable: Posterior, fault: Fault, engine: Engine) -> Posterior:
 
 
 def spared(probable: Posterior, fault: Fault, engine: Engine) -> Posterior:
-    """The posterior of candidates that all have the fault, shared in the same way."""
+    """Return the posterior split likewise, where all candidates have the fault."""
 
     def ask(found: Fit) -> tuple[float, Fit] | None:
         rest = [p for p in found.guess.pieces if p.effect.id != fault.effect]
@@ -86,10 +86,11 @@ def spared(probable: Posterior, fault: Fault, engine: Engine) -> Posterior:
 def shared(
     probable: Posterior, ask: Callable[[Fit], tuple[float, Fit] | None]
 ) -> Posterior:
-    """The posterior with each hypothesis shared between itself and another fit.
+    """Return the posterior with each hypothesis split between itself and another fit.
 
-    `ask` has of a fit how likely the other one is, and the other; or None. Something
-    that is not on the list stays, alone or beside the effects of the other.
+    `ask` takes a fit and returns the probability of the other fit, and that fit; or
+    None. The probability of a cause outside softnn's list stays, alone or beside
+    effects.
     """
     hypotheses, probability = list(probable.hypotheses), list(probable.probability)
     beside = list(probable.beside)
@@ -109,5 +110,5 @@ def shared(
 
 
 def named(faults: Sequence[Fault], found: Fit) -> frozenset[str]:
-    """Ids of the likely faults that a fit has."""
+    """Return the ids of the likely faults that a fit has."""
     return frozenset[str]().union(*(fault.said(found) for fault in faults))

@@ -1,4 +1,4 @@
-"""What `softnn simulate` reads, and what its model does not know of it."""
+"""Input of `softnn simulate`, and warnings where a model does not know it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from softnn.model_file import Stored
 from softnn.readers.tidy import numbers, table
 from softnn.recording import check_columns
 
-SLACK = 0.01  # of the range of strain, by which one may lie beside it
-FAR = 20.0  # of the largest strain of a model: nothing is foretold there
+SLACK = 0.01  # of the range of strain; less beyond it needs no warning
+FAR = 20.0  # times the largest strain of a model; beyond that no prediction is made
 
 
 def outside(flags: Any) -> str:
-    """How many samples a network was asked beyond its training."""
+    """Return how many samples lie outside the training range of a network."""
     from softnn.neural import counted
 
     count = dict(counted(flags))
@@ -31,7 +31,7 @@ def outside(flags: Any) -> str:
 
 
 def known_by_name(model: Any) -> list[str]:
-    """Recordings that a corrected model has values of their own of."""
+    """Return the names of recordings for which a corrected model has own values."""
     own: set[str] = set()
     while isinstance(model, Stored):
         own |= {n for piece in model.own for values in piece.values() for n in values}
@@ -42,7 +42,7 @@ def known_by_name(model: Any) -> list[str]:
 def beyond(
     model: Any, names: Sequence[str], chunks: Sequence[Chunk], by_name: bool = True
 ) -> list[str]:
-    """What a corrected model does not know of these recordings, in a line each.
+    """Return warnings, a line each, on what a corrected model does not know here.
 
     `by_name`: whether values of single recordings are looked up by their names.
     """
@@ -74,7 +74,7 @@ def beyond(
 
 
 def check_reach(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> None:
-    """Raise `InputError` for strain so far outside a model that it is in per cent."""
+    """Raise `InputError` if strain is so large that it must be in per cent."""
     if not isinstance(model, Stored) or model.axes.component:
         return
     reach = max(abs(k) for k in model.units.knots)
@@ -90,14 +90,14 @@ def check_reach(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> No
 
 
 def _some(names: Sequence[str], most: int = 3) -> str:
-    """Names in a line: the first few, and how many more."""
+    """Return names in a line: the first few, and how many more."""
     shown = ", ".join(" ".join(n.split())[:60] for n in names[:most])
     more = len(names) - most
     return f"{shown} and {more} more" if more > 0 else shown
 
 
 def read_history(file: Path, axes: Axes) -> pd.DataFrame:
-    """Columns of a recording, stress not needed."""
+    """Return the columns of a recording; the stress may be missing."""
     frame = table(file)
     for column in axes.columns[:2]:
         if column not in frame:

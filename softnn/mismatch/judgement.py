@@ -33,9 +33,9 @@ from softnn.noise import Noise, quantum, white
 class Judgement:
     """All candidates, the decision, and the simulations before and after correction.
 
-    `engine` has the samples of the search, `fine` those of the report; `before` and
-    `after` are fits to the latter, without and with what corrects the simulation.
-    `judged_by`: "likelihood", or "prediction" where no candidate reaches the noise.
+    `engine` has the samples of the search, `fine` those of the report. `before` and
+    `after` are fits to the latter, without and with the correction. `judged_by` is
+    "likelihood", or "prediction" if no candidate reaches the noise.
     """
 
     base: Baseline
@@ -69,18 +69,18 @@ class Judgement:
         return float(np.sqrt(np.concatenate(square).mean()))
 
     def heldout(self, account: Tried) -> verify.Heldout:
-        """Error of an account on recordings left out."""
+        """Return the error of a candidate on recordings left out."""
         if isinstance(account, Candidate):
             return account.heldout
         return verify.heldout(self.engine, account.fit)
 
     def log_odds(self, account: Tried) -> float:
-        """Log odds of an account over the base alone, but for their prior, nats."""
+        """Return the log odds of a candidate over the base, without priors, nats."""
         return account.log_odds - self.candidates[0].log_odds
 
 
 def judge(base: Baseline) -> Judgement:
-    """Search, weigh and decide for a base at its best."""
+    """Search, weigh and decide for the best fit of a base; return the judgement."""
     found = search(base)
     if found.reaches_noise:
         return by_likelihood(found)
@@ -92,7 +92,7 @@ def _shows(engine: Engine) -> Shows:
 
 
 def by_likelihood(found: Search) -> Judgement:
-    """The judgement where some candidate explains the recordings down to the noise."""
+    """Judge where some candidate explains the recordings down to the noise."""
     base, engine = found.base, found.base.engine
     probable = with_mistakes(posterior(found.accounts), engine)
     own = replicates.stand_out(engine, probable.best.fit) + zeros.at_rest(engine)
@@ -127,11 +127,11 @@ def by_likelihood(found: Search) -> Judgement:
 
 
 def by_prediction(base: Baseline) -> Judgement:
-    """The judgement where no candidate explains the recordings down to the noise.
+    """Judge where no candidate explains the recordings down to the noise.
 
-    Replicates whose stress differs by a factor each are different specimens, unless
-    specimens are named. Faults of single recordings come next: all candidates have
-    those that are likely. What replicates show is asked again beside the best one.
+    Without labels, replicates whose stress differs by a factor each are different
+    specimens. Faults of single recordings come next: every candidate has the likely
+    ones. The comparison of replicates is repeated beside the best candidate.
     """
     engine = base.engine
     if not base.said and are_specimens(engine):
@@ -142,7 +142,7 @@ def by_prediction(base: Baseline) -> Judgement:
         return [f.piece for f in own.values() if f.likely]
 
     def ask(found: Fit) -> bool:
-        """Whether replicates show one more likely fault that predicts better."""
+        """Return whether replicates show another likely fault that predicts better."""
         new = [
             fault
             for fault in replicates.stand_out(engine, found)
@@ -211,7 +211,7 @@ def by_prediction(base: Baseline) -> Judgement:
 
 
 def _each_of_its_own(base: Baseline) -> Baseline:
-    """The base with a scale for each recording, as a specimen of its own."""
+    """Return the base with a scale for each recording, as a specimen of its own."""
     count = len(base.engine.chunks)
     each = scatter(count, [(r,) for r in range(1, count)])
     guess = replace(base.fit.guess, pieces=(*base.fit.guess.pieces, each))
@@ -227,10 +227,10 @@ def _fits(fine: Engine, base: Baseline, decision: Decision) -> tuple[Fit, Fit]:
 
 
 def _noise_left(fine: Engine, best: Fit) -> tuple[list[Noise], float]:
-    """White noise of each recording; RMS of the best candidate's residual, MPa.
+    """Return the white noise of each recording, and the RMS of the best residual, MPa.
 
-    No candidate reaches the noise, so a residual cannot show it. The stress itself can,
-    from one sample to the next; that RMS is the most it can be.
+    No candidate reaches the noise, so the residual cannot show it. Differences between
+    neighbouring samples of the stress show it; the RMS of the residual is its limit.
     """
     left = float(np.sqrt(np.mean((fine.target - fine.run(best.guess, False)[0]) ** 2)))
     return [

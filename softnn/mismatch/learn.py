@@ -1,11 +1,11 @@
-r"""What is on no list: a learned correction, and what it depends on.
+r"""A learned correction for a cause outside softnn's list, and what it depends on.
 
-The residual of the best simulation is learned over state features (strain, largest
-strain so far, rate, time since the last reversal, travel so far, temperature, time) by
-the project's own Bayesian-regularised network, which takes no more freedom than the
-data give evidence for. Folds are whole recordings, so that what it claims it has
-predicted. Which features carry it is asked by shuffling one at a time. A period, in
-time or in strain, is the peak of a Lomb-Scargle periodogram (Scargle 1982,
+The project's own Bayesian-regularised network learns the residual of the best
+simulation over state features: strain, largest strain so far, rate, time since the last
+reversal, travel so far, temperature, time. It uses no more freedom than the data give
+evidence for. Folds are whole recordings, so a correction counts only where it predicts
+recordings left out. Shuffling one feature at a time shows which features matter. A
+period, in time or in strain, is the peak of a Lomb-Scargle periodogram (Scargle 1982,
 doi:10.1086/160554), tested against the largest peak of shuffled whitened residuals.
 """
 
@@ -24,24 +24,24 @@ from softnn.model_file import Correction
 from softnn.state import FEATURES, features
 
 NEURONS = 6
-HELPS = 0.97  # of the error on what was left out, below which it foretells
-MOST = 1500  # samples the network is trained on; the residual is smooth
-ALIKE = 0.15  # of a logarithm, in reach and speed, up to which kinds are one
-MIXED = 8  # times the residual is shuffled, for what noise may show at one period
+HELPS = 0.97  # of the held-out error; a correction must do better than this
+MOST = 1500  # training samples of the network; the residual is smooth
+ALIKE = 0.15  # of a logarithm, in amplitude and rate, within which kinds are the same
+MIXED = 8  # shuffles of the residual, for the largest peak that noise shows
 
 
 @dataclass(frozen=True)
 class Learned:
     """A correction of the stress, and what it depends on."""
 
-    correction: Correction | None  # None where none predicts better, or nothing tells
-    importance: dict[str, float]  # rise of the held-out error when shuffled, relative
+    correction: Correction | None  # None if no correction predicts better
+    importance: dict[str, float]  # relative rise of the held-out error by shuffling
     ratio: float  # held-out error with the correction over without
     period: dict[str, Any] | None
 
 
 def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | None:
-    """What is learned of what a fit leaves; None where there is nothing to learn."""
+    """Return what the residual of a fit teaches; None if nothing can be learned."""
     from softnn.neural import Regularisation, train
 
     names: tuple[str, ...] = FEATURES
@@ -80,31 +80,31 @@ def learn(engine: Engine, found: Fit, rng: np.random.Generator) -> Learned | Non
     share = rise / (rise.sum() or 1.0)
     order = np.argsort(-share, kind="stable")
     importance = {names[j]: round(float(share[j]), 4) for j in order}
-    # Stretches of one recording say nothing of the next.
+    # Stretches of one recording do not predict the next recording.
     holds = ratio < HELPS and len(engine.chunks) > 1
     correction = Correction(names, whole.network) if holds else None
     return Learned(correction, importance, ratio, found_period)
 
 
 def kinds(engine: Engine) -> NDArray[np.integer]:
-    """Which kind (valid,) of recording each sample is of: as far, and as fast.
+    """Return the kind (valid,) of recording of each sample: equal amplitude and rate.
 
-    A network foretells a replicate of what it has seen, and may not a rate between two
-    others. Where all are of one kind, each recording is its own.
+    A network predicts a replicate of a training recording, but perhaps not a rate
+    between two others. If all recordings are of one kind, each is its own kind.
     """
     reach = np.array([float(np.abs(c.strain).max()) for c in engine.chunks])
     time = np.array([float(np.ptp(c.time_s)) for c in engine.chunks])
     travel = np.array([float(np.abs(np.diff(c.strain)).sum()) for c in engine.chunks])
     told = np.log(np.maximum([reach, travel / np.maximum(time, 1e-300)], 1e-300))
     alike = (np.abs(told[:, :, None] - told[:, None, :]) < ALIKE).all(axis=0)
-    first = alike.argmax(axis=1)  # the first that it is like
+    first = alike.argmax(axis=1)  # the first recording of the same kind
     return first[engine.owner] if len(set(first)) > 1 else parts(engine)
 
 
 def period(
     engine: Engine, residual: Array, rng: np.random.Generator, level: float = 0.99
 ) -> dict[str, Any] | None:
-    """A period of a residual in time or in strain, if noise does not explain it."""
+    """Return a period of a residual in time or strain, if noise does not explain it."""
     best: dict[str, Any] | None = None
     for axis, unit in (("time", "s"), ("strain", "-")):
         lines, tops = [], []
@@ -137,7 +137,7 @@ def period(
 
 
 def _power(at: Array, z: Array, frequency: Array) -> Array:
-    """Lomb-Scargle power (k,) at frequencies (k,) of z (n,), over its variance."""
+    """Return Lomb-Scargle power (k,) of z (n,) at frequencies (k,), over variance."""
     from scipy.signal import lombscargle  # half a second, and seldom needed
 
     found = lombscargle(at, z - z.mean(), 2 * np.pi * frequency)

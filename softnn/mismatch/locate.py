@@ -1,9 +1,9 @@
 """Where a simulation and the recordings differ, in the words of the field.
 
-Two ways to a region. Where the physics is known, a region is where the effects move the
-stress by more than two noise sigmas. Where it is not, a scan: means of the whitened
-residual over windows of several lengths, the largest of which in noise alone (drawn,
-and the base refitted to each draw) sets the threshold for all of them together.
+There are two kinds of regions. If effects are named, a region is where they change the
+stress by more than two noise sigmas. If not, a scan takes means of the whitened
+residual over windows of several lengths. Its threshold is the largest mean in noise
+alone: noise is drawn, the base is refitted to each draw, and all windows are compared.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from softnn.fit import Engine, Fit, span
 from softnn.state import BRANCHES, phases, runs
 
 WINDOWS = (8, 16, 32, 64, 128, 256)
-DRAWS = 60  # of noise, for the largest mean that a window of it has
-SIGMAS = 2.0  # beyond which an effect is said to act
-RESTING = 0.05  # of the largest strain, below which a specimen is not strained yet
-BACK = 0.1  # of the largest strain: less is no way back
-LOADING = 0.85  # of the time under strain: a machine dwells a little before it turns
+DRAWS = 60  # draws of noise, for the largest window mean
+SIGMAS = 2.0  # noise sigmas; a larger change of stress counts as a region
+RESTING = 0.05  # of the largest strain; below it a specimen is unloaded
+BACK = 0.1  # of the largest strain; a smaller return is no unloading
+LOADING = 0.85  # of the time under strain; a machine dwells before it turns
 
 
 def only_loading(engine: Engine) -> bool:
-    """Whether no recording comes back or holds: nothing but first loading was seen.
+    """Return whether the recordings contain first loading alone: no return, no hold.
 
-    A wait before it, at next to no strain, is no hold, nor is a short dwell at its end.
+    A wait before it at nearly zero strain, or a short dwell at its end, is no hold.
     """
     return all(_loading(chunk) > LOADING for chunk in engine.chunks)
 
 
 def _loading(chunk: Chunk) -> float:
-    """Share of the time under strain that is spent in first loading."""
+    """Return the share of the time under strain that is spent in first loading."""
     size = np.abs(chunk.strain)
     if len(size) < 2:
         return 1.0
@@ -46,7 +46,7 @@ def _loading(chunk: Chunk) -> float:
 
 
 def held_only(engine: Engine) -> bool:
-    """Whether strain is held, and never comes back by much from the largest before."""
+    """Return whether strain is held, and never returns far from its largest value."""
     largest, back = 0.0, 0.0
     for chunk in engine.chunks:
         size = np.abs(chunk.strain)
@@ -58,7 +58,7 @@ def held_only(engine: Engine) -> bool:
 
 
 def action(engine: Engine, found: Fit) -> Array:
-    """Change of stress (valid,), MPa, that the effects of a fit make."""
+    """Return the change of stress (valid,), MPa, by all effects of a fit."""
     bare = tuple(p for p in found.guess.pieces if p.nuisance)
     without, _ = engine.run(replace(found.guess, pieces=bare), False)
     return found.stress - without
@@ -67,12 +67,12 @@ def action(engine: Engine, found: Fit) -> Array:
 def scan(
     engine: Engine, found: Fit, rng: np.random.Generator, level: float = 0.95
 ) -> NDArray[np.bool]:
-    """Samples (valid,) in windows that noise does not explain."""
+    """Return the samples (valid,) in windows that noise does not explain."""
     q = span(found.free_columns)
     noise = rng.standard_normal((DRAWS, len(found.residual)))
     noise -= noise @ q @ q.T
     residual = found.residual - q @ (q.T @ found.residual)
-    # Noise estimated a little too low must not read as a mismatch.
+    # Noise estimated slightly too low must not count as a mismatch.
     residual /= np.sqrt(max(np.median(residual**2) / 0.4549, 1.0))
     windows = _windows(engine.owner)
     largest = [np.abs(_means(e, windows)).max(initial=0) for e in noise]
@@ -84,7 +84,7 @@ def scan(
 
 
 def _windows(owner: NDArray[np.integer]) -> NDArray[np.integer]:
-    """Half-overlapping windows (k, 2) of each length, within recordings."""
+    """Return half-overlapping windows (k, 2) of each length, within recordings."""
     rows = [np.zeros((0, 2), int)]
     for r in np.unique(owner):
         first, last = np.searchsorted(owner, [r, r + 1])
@@ -95,7 +95,7 @@ def _windows(owner: NDArray[np.integer]) -> NDArray[np.integer]:
 
 
 def _means(x: Array, windows: NDArray[np.integer]) -> Array:
-    """Means over windows, of variance one where x is noise of variance one."""
+    """Return means over windows, of variance one if x is noise of variance one."""
     first, last = windows.T
     total = np.concatenate([[0.0], np.cumsum(x)])
     return (total[last] - total[first]) / np.sqrt(last - first)
@@ -104,10 +104,11 @@ def _means(x: Array, windows: NDArray[np.integer]) -> Array:
 def regions(
     engine: Engine, mask: NDArray[np.bool], moved: Array, axes: Axes
 ) -> list[dict[str, Any]]:
-    """Regions of the mask (valid,), one a branch, as diagnosis.json tells them.
+    """Return the regions of the mask (valid,), one for each branch of the history.
 
-    `moved` (valid,), MPa: what the effects change there, or what the simulation misses;
-    a region's share is that of its square. Strains are told in the unit of `axes`.
+    They are dicts as in diagnosis.json. `moved` (valid,), MPa, is the change by the
+    effects, or the error of the simulation; the share of a region is its share of the
+    square of `moved`. Strains are in the unit of `axes`.
     """
     out: list[dict[str, Any]] = []
     total = float(np.sum(moved[mask] ** 2)) or 1.0
@@ -121,7 +122,7 @@ def regions(
             i, j = local[a], local[b - 1]
             lapse = np.maximum(np.diff(time[i : j + 1]), 1e-12)
             rate = np.diff(strain[i : j + 1]) / lapse
-            # Measured below the simulation, counted away from zero stress: too stiff.
+            # Simulated stress farther from zero than measured: too stiff.
             side = float(np.sum(by[a:b] * np.sign(strain[local[a:b]] + 1e-300)))
             region = {
                 "recording": engine.data.names[r],

@@ -2,9 +2,9 @@
 
 Specimens of one material differ by some per cent, and every candidate model has free
 specimen scales. An outlier may be natural scatter or a scale that is wrong by any
-factor; the fit alone cannot distinguish them. The prior does: logarithms of scales are
-normal with a half-Cauchy spread (Gelman 2006, doi:10.1214/06-BA117A), or one of them
-has its own size. All cases are summed.
+factor; the fit alone cannot distinguish them. The prior does. Either all logarithms of
+scales are normal with a half-Cauchy spread (Gelman 2006, doi:10.1214/06-BA117A), or one
+of them has a size of its own. All cases are summed.
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ from softnn.mismatch.posterior import Posterior
 from softnn.mismatch.screen import clipped
 from softnn.mismatch.specimens import UNSAID, estimated, marginal
 
-SPREADS = 0.01 * 2.0 ** np.arange(8)  # of the logarithm, between specimens
-SIZES = (0.3, 1.0, 2.5)  # of a mistake: a third, a unit twice, a digit
+SPREADS = 0.01 * 2.0 ** np.arange(8)  # between specimens, of the logarithm
+SIZES = (0.3, 1.0, 2.5)  # of the logarithm of a mistake: factors of about 1.3, 3 and 10
 
 
 def weighed(at: Array, known: Array) -> Array:
-    """Probability that each of the specimens (n,), the first first, is a mistake.
+    """Return the probability (n,) that each specimen is a mistake, the first first.
 
-    `at` (n - 1,) are logarithms of scales over that of the first, known to a precision.
+    `at` (n - 1,) are logarithms of scales relative to the first specimen, and `known`
+    (n - 1, n - 1) is their precision.
     """
     each = np.eye(len(at) + 1)
     usual = np.log(SPREADS / (1 + (SPREADS / SCATTER_PRIOR) ** 2))
@@ -51,9 +52,9 @@ def weighed(at: Array, known: Array) -> Array:
 
 
 def told(found: Fit) -> Array:
-    """The same of the specimens of a fit (n,); none where too few are told.
+    """Return this probability for the labelled specimens of a fit (n,); empty for few.
 
-    The first is what a simulation from elsewhere has, which stays as it is.
+    A simulation from elsewhere has the scale of the first specimen, and that stays.
     """
     said = [p for p in found.guess.pieces if p.nuisance and not p.unsaid]
     if not said or len(said[0].groups) + 1 < FEWEST:
@@ -65,7 +66,7 @@ def told(found: Fit) -> Array:
 
 
 def wrong(guess: Guess, which: int) -> Guess:
-    """The guess with the scale of one of the specimens told, the first 0, a mistake."""
+    """Return the guess in which labelled specimen `which` (first: 0) is a mistake."""
     place = next(i for i, p in enumerate(guess.pieces) if p.nuisance)
     said = guess.pieces[place]
     name = said.effect.amplitude
@@ -73,7 +74,7 @@ def wrong(guess: Guess, which: int) -> Guess:
     others = {r for group in said.groups for r in group}
     groups = [tuple(r for r in range(len(scale)) if r not in others), *said.groups]
     mine = groups.pop(which)
-    one = scale[groups[0][0]]  # of what is the first now
+    one = scale[groups[0][0]]  # scale of the specimen that comes first now
     off = np.isin(np.arange(len(scale)), mine)
     rest = np.where(off, 0.0, scale / one - 1)
     error = np.where(off, scale / one - 1, 0.0)
@@ -86,7 +87,7 @@ def wrong(guess: Guess, which: int) -> Guess:
 
 
 def allowed(guess: Guess) -> bool:
-    """Whether its scales are within their range over the specimen that is first now."""
+    """Return whether all scales, relative to the new first specimen, are in range."""
     scales = [(p.effect, p.values) for p in guess.pieces if p.effect.scatter]
     return all(
         np.array_equal(clipped(law, values)[law.amplitude], values[law.amplitude])
@@ -95,7 +96,7 @@ def allowed(guess: Guess) -> bool:
 
 
 def mistaken(found: Fit) -> frozenset[str]:
-    """Ids of what a fit says of specimens told, which takes nothing of its misfit."""
+    """Return ids of mistakes in labelled specimens; they leave the misfit unchanged."""
     said = [p for p in found.guess.pieces if p.nuisance and not p.unsaid]
     scaled = {r for p in said for group in p.groups for r in group}
     apart = [p for p in found.guess.pieces if p.effect.scatter and not p.nuisance]
@@ -104,7 +105,7 @@ def mistaken(found: Fit) -> frozenset[str]:
 
 
 def with_mistakes(probable: Posterior, engine: Engine) -> Posterior:
-    """The posterior, each hypothesis shared: no specimen is a mistake, or one is."""
+    """Return the posterior with each hypothesis split: no mistaken specimen, or one."""
 
     def ask(found: Fit) -> tuple[float, Fit] | None:
         if any(p.effect.scatter and not p.nuisance for p in found.guess.pieces):

@@ -1,18 +1,20 @@
-r"""One posterior over all that was tried: which effects, if any, and what else.
+r"""One posterior over all candidates: effects, nothing missing, or an unlisted cause.
 
-A hypothesis is a set of effects, or something on no list, or that nothing is missing.
-Beside effects there may be something on no list, too: their evidence is that of both
-cases together, the second `both` nats less likely. The value v of a hypothesis is its
-log evidence less `number` log n / 2 for each number of its own, and less c for the root
-of D, what its laws leave to be bent or added (`beside` less `bare`): laws that leave
-much get something wrong, and some of what they gain is what others would. Every law is
-only nearly right, so that a value is wrong by an error with heavy tails:
+A hypothesis is a set of effects, a cause outside softnn's list (*unlisted*), or that
+nothing is missing. An unlisted cause may also act beside effects: the evidence of a set
+sums both cases, and the second is `both` nats less likely.
+
+The value v of a hypothesis is its log evidence less two prices. The first is `number`
+log n / 2 for each of its parameters. The second is c times the root of D, the
+discrepancy gain (`beside` less `bare`): laws that leave a large discrepancy are wrong,
+and some of their gain belongs to other effects. Every law is only nearly right, so a
+value has an error with heavy tails:
 
 .. math:: h_k(z) = z \text{ up to } k, \quad k\,(1 + \log(z / k)) \text{ beyond}
 
-Small differences count as a likelihood, or a power of it (Miller and Dunson 2019,
-doi:10.1080/01621459.2018.1469995), large ones as a power of themselves only, as odds do
-under an error of Student's kind.
+Small differences count as a likelihood or a power of it (Miller and Dunson 2019,
+doi:10.1080/01621459.2018.1469995). Large differences count as a power of themselves, as
+odds do under an error with Student's distribution.
 
 The number of effects is judged first, then which ones. Some absent effect always fits
 part of the model error, so each further effect must gain f nats more. With w the value
@@ -25,11 +27,11 @@ of the best set of n effects less this price,
 g is the gain of a set over no effect; z_S compares sets of equal size. If a model fits
 down to the noise, its evidence counts in full. If it leaves a discrepancy, its evidence
 counts less: k' falls from `exact` to k as D / (1 + t g) of the leading set grows. The k
-of a cause outside softnn's list falls likewise. The hypothesis that nothing is missing
-has its own k, because there only the noise model can be wrong.
+of an unlisted cause falls likewise. The hypothesis that nothing is missing has its own
+k, because there only the noise model can be wrong.
 
 The constants are fitted to the names of development cases (`bench.calibrate`), some of
-them with laws that are bent. Names, verdict and equivalents are all read off these
+them with form errors. Names, verdict and equivalents all follow from these
 probabilities.
 """
 
@@ -46,36 +48,36 @@ from softnn.contracts import Array
 from softnn.fit import Fit
 from softnn.mismatch.accounts import Account
 
-NAMED, SURE = 0.5, 0.9  # probabilities from which an effect is named, and said so
-LIKELY = 0.1  # of the probability of the best, from which another is as good a reading
+NAMED, SURE = 0.5, 0.9  # probabilities to name an effect, and to be certain of it
+LIKELY = 0.1  # of the probability of the best set, from which a set is an alternative
 
 
 @dataclass(frozen=True)
 class Constants:
-    """Of the posterior; fitted on development families, see `docs/method.md`."""
+    """Constants of the posterior, fitted on development families: `docs/method.md`."""
 
-    tail: float = 0.439  # k of effects, and of all else where laws leave much
-    exact: float = 1.357  # k of effects where laws leave nothing
-    strange: float = 0.683  # k of something on no list, likewise
-    noise: float = 7.275  # k of nothing
-    number: float = 1.096  # of (log n) / 2, the price of a number
-    left: float = 1.173  # c, of the root of what laws leave
-    share: float = 0.538  # r, of the logarithm of what effects gain
-    both: float = 5.359  # of something else beside effects, in their evidence
-    further: float = 6.268  # f, nats a further effect has to gain
-    loose: float = 0.65  # of D, at which k is halfway
-    bent: float = 0.009  # t, of what is gained, that laws leave usually
-    first: float = 2.196  # cost of any effect, nats
-    more: float = 1.932  # of each further one
-    own: float = 0.037  # of (log n) / 2, of a number that is of single recordings
-    other: float = 2.287  # of something on no list
+    tail: float = 0.439  # k of effects and unlisted causes at a large D
+    exact: float = 1.357  # k of effects that leave no discrepancy
+    strange: float = 0.683  # k of an unlisted cause, if no discrepancy is left
+    noise: float = 7.275  # k of nothing missing
+    number: float = 1.096  # of (log n) / 2, the price of a parameter
+    left: float = 1.173  # c, of the root of the discrepancy gain
+    share: float = 0.538  # r, of the logarithm of the gain of effects
+    both: float = 5.359  # nats, price of an unlisted cause beside effects
+    further: float = 6.268  # f, nats that a further effect has to gain
+    loose: float = 0.65  # the D at which k is halfway
+    bent: float = 0.009  # t, usual discrepancy gain over the gain of effects
+    first: float = 2.196  # nats, cost of the first effect
+    more: float = 1.932  # nats, cost of each further effect
+    own: float = 0.037  # of (log n) / 2, price of a parameter of single recordings
+    other: float = 2.287  # nats, cost of an unlisted cause
 
 
 CONSTANTS = Constants()
 
 
 class Tried(Protocol):
-    """A set of effects that was tried: its best fit, and how well that does."""
+    """A set of effects that was tried: its best fit, and its score."""
 
     @property
     def fit(self) -> Fit: ...
@@ -86,16 +88,16 @@ class Tried(Protocol):
 
     @property
     def seconds(self) -> float:
-        """How long the fit took."""
+        """Duration of the fit, s."""
 
     @property
     def log_odds(self) -> float:
-        """What the recordings say for it, nats, but for a constant and its prior."""
+        """Log odds by the recordings, nats, but for a constant and the prior."""
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A set of effects; or none, and either nothing or something on no list."""
+    """A set of effects; or none, with nothing missing or an unlisted cause."""
 
     account: Tried
     other: bool = False
@@ -106,7 +108,7 @@ class Hypothesis:
 
 
 def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
-    """Of hypotheses, and how much of it is of something else beside their effects."""
+    """Return evidences, and the share with an unlisted cause beside the effects."""
     alone, some = table[..., 1], table[..., 5] > 0
     beside = np.where(some, table[..., 2] - constants.both, -np.inf)
     both = np.logaddexp(alone, beside)
@@ -114,7 +116,7 @@ def _evidence(table: Array, constants: Constants) -> tuple[Array, Array]:
 
 
 def _value(table: Array, constants: Constants) -> tuple[Array, Array]:
-    """v of hypotheses, and D."""
+    """Return v and D of hypotheses."""
     bare, _, beside, price, _, count, _ = np.moveaxis(table, -1, 0)
     left = np.where(count > 0, np.maximum(beside - bare, 0.0), 0.0)
     paid = constants.number * price + constants.left * np.sqrt(left)
@@ -122,23 +124,24 @@ def _value(table: Array, constants: Constants) -> tuple[Array, Array]:
 
 
 def _lost(behind: Array, tail: Array | float) -> Array:
-    """h of what a value is behind."""
+    """Return h of the difference to the best value."""
     far = tail * (1 + np.log(np.maximum(behind, tail) / tail))
     return np.asarray(np.where(behind < tail, behind, far))
 
 
 def _normal(log: Array) -> Array:
-    """Weights that sum to one over the last axis; all zero where none is finite."""
+    """Return weights that sum to one over the last axis; zero if none is finite."""
     most = log.max(axis=-1, keepdims=True)
     weight = np.exp(log - np.where(np.isfinite(most), most, 0.0))
     return np.asarray(weight / np.maximum(weight.sum(axis=-1, keepdims=True), 1e-300))
 
 
 def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
-    """Of hypotheses (..., hypotheses, 7), the first that of nothing.
+    """Return the probability of each hypothesis; the first is that nothing is missing.
 
-    A row: the three evidences and two prices of `Account.figures`, effects, and whether
-    it is something on no list. Rows of no evidence (-inf), alone or beside, are none.
+    `table` is (..., hypotheses, 7). A row holds the five numbers of `Account.figures`,
+    the number of effects, and 1 for an unlisted cause, else 0. A row whose evidence is
+    -inf has probability zero.
     """
     k = constants
     _, _, _, _, own, count, other = np.moveaxis(table, -1, 0)
@@ -179,11 +182,11 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Probabilities of the hypotheses tried, the first of them that of nothing."""
+    """Probabilities of all hypotheses; the first is that nothing is missing."""
 
     hypotheses: tuple[Hypothesis, ...]
     probability: Array
-    beside: Array  # of something else beside the effects of each, if they are there
+    beside: Array  # probability of an unlisted cause, given the effects of each
 
     @cached_property
     def effects(self) -> dict[str, float]:
@@ -200,12 +203,12 @@ class Posterior:
 
     @cached_property
     def other(self) -> float:
-        """Probability of something that is on no list, alone or beside effects."""
+        """Probability of an unlisted cause, alone or beside effects."""
         return self.nothing_named + float(self.probability @ self.beside)
 
     @property
     def nothing_named(self) -> float:
-        """Probability that what is missing is on no list."""
+        """Probability that the missing effect is not on softnn's list."""
         them = [h.other for h in self.hypotheses]
         return float(self.probability[them].sum())
 
@@ -215,7 +218,7 @@ class Posterior:
 
     @cached_property
     def best(self) -> Tried:
-        """The likeliest account of the selected effects; else of what comes nearest."""
+        """The likeliest candidate with the selected effects, else the nearest set."""
         order = np.argsort(-self.probability, kind="stable")
         ranked = [self.hypotheses[i] for i in order]
         near = [h for h in ranked if h.effects == self.selected]
@@ -223,7 +226,7 @@ class Posterior:
         return near[0].account
 
     def ways(self) -> list[tuple[frozenset[str], float]]:
-        """Sets of effects that share the probability, the likeliest first."""
+        """Return the sets of effects that share the probability, likeliest first."""
         total: dict[frozenset[str], float] = {}
         for one, p in zip(self.hypotheses, self.probability, strict=True):
             total[one.effects] = total.get(one.effects, 0.0) + float(p)
@@ -231,12 +234,12 @@ class Posterior:
         return [(s, p) for s, p in ranked if p >= LIKELY * ranked[0][1]]
 
     def readings(self) -> list[Tried]:
-        """The accounts of these sets."""
+        """Return the candidates of these sets."""
         shared = [s for s, _ in self.ways()]
         return [h.account for h in self.hypotheses if h.effects in shared]
 
     def instead(self, name: str) -> list[str]:
-        """Effects that stand in the place of one of the selected in other readings."""
+        """Return the effects that replace a selected effect in alternative sets."""
         rest = self.selected - {name}
         return [
             next(iter(s - rest))
@@ -248,10 +251,10 @@ class Posterior:
 def table(
     sets: Sequence[frozenset[str]], figures: Array, constants: Constants = CONSTANTS
 ) -> tuple[list[tuple[int, bool]], Array]:
-    """Hypotheses and their rows (hypotheses, 7): of each set of effects the best form.
+    """Return hypotheses and their rows (hypotheses, 7): the best form of each set.
 
-    `figures` (accounts, 5) as `Account.figures`; each hypothesis is the place of its
-    account, and whether it is something on no list.
+    `figures` (candidates, 5) are as `Account.figures`. A hypothesis is the index of its
+    candidate, and whether it stands for an unlisted cause.
     """
     every = [(i, False) for i in range(len(sets))]
     every += [(i, True) for i, effects in enumerate(sets) if not effects]
@@ -269,7 +272,7 @@ def table(
 def posterior(
     accounts: Sequence[Account], constants: Constants = CONSTANTS
 ) -> Posterior:
-    """The posterior over the accounts tried, the first of them the base alone."""
+    """Return the posterior over candidates, the first of which is the base alone."""
     figures = np.array([a.figures for a in accounts])
     found, rows = table([a.effects for a in accounts], figures, constants)
     p, beside = probabilities(rows, constants), _evidence(rows, constants)[1]

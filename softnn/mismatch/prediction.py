@@ -36,36 +36,36 @@ from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.verify import Heldout, without_rows
 from softnn.state import BRANCHES, phases
 
-LEVEL = 0.01  # of the largest stress: the weight of every sample
-ALIKE = 0.15  # of a logarithm, within which rates and amplitudes are one level
+LEVEL = 0.01  # of the largest stress: the deviation of every sample
+ALIKE = 0.15  # of a logarithm, within which rates or amplitudes form one level
 MOST_FOLDS = (
-    6  # of single recordings; where there are more, several are left out at once
+    6  # folds of single recordings; of more recordings, several are left out at once
 )
-IGNORED = 1e6  # times the usual deviation: a sample that no fit sees
-BEAM = (3, 2)  # candidates of one, two effects that are given one more
-FINALISTS = 5  # of each number of effects, that are refitted without each fold
+IGNORED = 1e6  # times the usual deviation: hides a sample from the fit
+BEAM = (3, 2)  # beam width: candidates of one and of two effects that get one more
+FINALISTS = 5  # candidates of each size that are refitted without each fold
 REFITTED = 6  # iterations of such a refit
-FLOOR = 0.001  # of the stress: a smaller error is as good as none
+FLOOR = 0.001  # of the stress; smaller errors count as none
 SHARP = 25.0  # log odds for each unit of the logarithm of the error
 PRICE = 2.5  # log odds against each effect: a tenth of the error
-ENOUGH = 3  # specimens or recordings that are left out in turn; fewer say less
-OTHER = 1.5  # power of the share of the error left: odds of something not on the list
-SAME = 0.01  # of a logarithm, that a further effect has to win where it only corrects
+ENOUGH = 3  # specimens or recordings to leave out in turn; fewer count less
+OTHER = 1.5  # power of the share of the error left: odds of an unlisted cause
+SAME = 0.01  # of a logarithm; the least gain of a further effect in a correction
 HARM = 0.05  # of a logarithm, by which the base may be better by chance
-SKETCHED = 2  # effects, beside which replicates are compared at first
-AGAIN = 0.3  # of the largest strain, that a reloading has to cover
+SKETCHED = 2  # effects in the first model for a comparison of replicates
+AGAIN = 0.3  # of the largest strain; a smaller rise is no reloading
 SINGLE = ("specimen", "recording", "stretch")  # folds in which each sample is once
 RESCALED = 4  # steps to the scale of a new specimen
-MOVING, HELD = 0.3, 0.05  # of the usual speed, above and below
+MOVING, HELD = 0.3, 0.05  # of the usual speed: moving above, held below
 
 
 @dataclass(frozen=True)
 class Fold:
-    """Samples that a fit does without: recordings, or a stretch of a single one."""
+    """Samples left out of a fit: recordings, or a stretch of a single recording."""
 
     by: str  # "specimen", "recording", "rate", "amplitude", "programme" or "stretch"
     rows: NDArray[np.bool]  # (valid,)
-    recordings: tuple[int, ...]  # left out as a whole; none of a stretch
+    recordings: tuple[int, ...]  # left out as a whole; empty for a stretch
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,9 @@ class Folds:
 class Candidate:
     """A set of effects, its best fit to all recordings, and its error in each fold.
 
-    `errors` (folds,) are sums of squares, MPa^2: of fits made anew without each fold
-    where `refitted`, else of one Gauss-Newton step from the fit to all. `given` are
-    the faults that all candidates have.
+    `errors` (folds,) are sums of squares, MPa^2. They come from refits without each
+    fold if `refitted`, else from one Gauss-Newton step from the fit to all recordings.
+    `given` are the faults that all candidates have.
     """
 
     fit: Fit
@@ -113,9 +113,9 @@ class Candidate:
 
     @property
     def score(self) -> float:
-        """Logarithm of the NRMSE: of all folds together and of each, in the mean.
+        """Logarithm of the NRMSE: mean of that of all folds together and of each.
 
-        Of all together large stresses decide, of each by itself every fold does alike.
+        Large stresses dominate all folds together; by itself each fold counts alike.
         """
         each = np.mean(np.log(self.nrmse**2 + FLOOR**2))
         whole = self.errors.sum() / self.folds.squares.sum()
@@ -123,12 +123,12 @@ class Candidate:
 
     @property
     def log_odds(self) -> float:
-        """What the error says for it, nats, but for a constant and its prior."""
+        """Log odds by the error, nats, but for a constant and the prior."""
         return -self.folds.sharpness * self.score
 
     @property
     def heldout(self) -> Heldout:
-        """Error on all recordings, each predicted by fits that did not see it."""
+        """Return the error on all recordings, each predicted without having seen it."""
         worst = int(self.nrmse.argmax())
         single = np.array([f.by in SINGLE for f in self.folds.every])
         return Heldout(
@@ -140,7 +140,7 @@ class Candidate:
 
 
 def harms(one: Candidate, base: Candidate) -> str | None:
-    """The kind of fold in which the base is better by more than the scatter, if any."""
+    """Return the kind of fold where the base is better beyond chance; None if none."""
     behind = np.log((one.nrmse + FLOOR) / (base.nrmse + FLOOR))
     kinds = np.array([f.by for f in one.folds.every])
     for by in dict.fromkeys(kinds):
@@ -152,9 +152,9 @@ def harms(one: Candidate, base: Candidate) -> str | None:
 
 
 def best(found: Sequence[Candidate]) -> Candidate:
-    """The candidate that predicts best and nowhere worse than the first, the base.
+    """Return the candidate that predicts best and nowhere worse than the base.
 
-    The base itself where none is better than it by more than chance.
+    `found[0]` is the base; it is returned if no candidate beats it beyond chance.
     """
     base = found[0]
     safe = [c for c in found if harms(c, base) is None]
@@ -166,10 +166,10 @@ def best(found: Sequence[Candidate]) -> Candidate:
 
 
 def folds(engine: Engine, specimens: Sequence[tuple[int, ...]]) -> list[Fold]:
-    """Folds by specimen or recording, by rate, by amplitude and by programme.
+    """Return folds by specimen or recording, by rate, by amplitude and by programme.
 
-    `specimens` are the recordings of each, where somebody wrote them down. Never more
-    than half of the recordings are left out. Of a single recording five stretches are.
+    `specimens` are the recordings of each labelled specimen. At most half of the
+    recordings are left out at once. A single recording is split into five stretches.
     """
     count = len(engine.chunks)
     if count < 2:
@@ -192,7 +192,7 @@ def folds(engine: Engine, specimens: Sequence[tuple[int, ...]]) -> list[Fold]:
 
 
 def _programme(chunk: Chunk) -> tuple[float, float, float]:
-    """Largest strain, usual strain rate [1/s], and 2 where most of the time is held."""
+    """Return largest strain, usual rate [1/s], and 2 if strain is mostly held."""
     reach = max(float(np.abs(chunk.strain).max()), 1e-12)
     step = np.maximum(np.diff(chunk.time_s), 1e-12)
     travel = np.abs(np.diff(chunk.strain))
@@ -205,7 +205,7 @@ def _programme(chunk: Chunk) -> tuple[float, float, float]:
 
 
 def levels(values: Sequence[float]) -> list[tuple[int, ...]]:
-    """Indices of the values that agree to within `ALIKE`, in rising order.
+    """Return groups of indices whose values agree within `ALIKE`, in rising order.
 
     >>> levels([1.0, 0.1, 1.05, 10.0])
     [(1,), (0, 2), (3,)]
@@ -220,7 +220,7 @@ def levels(values: Sequence[float]) -> list[tuple[int, ...]]:
 
 
 def specimens_of(guess: Guess, count: int) -> list[tuple[int, ...]]:
-    """The recordings of each specimen that has a scale in this guess, if any have."""
+    """Return the recordings of each specimen that has a scale in this guess."""
     for piece in guess.pieces:
         if piece.nuisance:
             mine = {r for group in piece.groups for r in group}
@@ -240,7 +240,7 @@ def weigh_alike(engine: Engine, level: float = LEVEL) -> None:
 
 @contextmanager
 def without(engine: Engine, rows: NDArray[np.bool]) -> Iterator[None]:
-    """The engine as if it had not these samples (valid,)."""
+    """Hide these samples (valid,) from the engine."""
     sigma = np.full(len(engine.measured), LEVEL * engine.level)
     sigma[np.flatnonzero(engine.valid)[rows]] *= IGNORED
     engine.set_noise(np.split(sigma, engine.data.starts[1:-1].astype(int)), None)
@@ -251,11 +251,11 @@ def without(engine: Engine, rows: NDArray[np.bool]) -> Iterator[None]:
 
 
 def unmet(guess: Guess, fold: Fold, known: Mapping[str, Piece]) -> Guess:
-    """The guess for recordings that it has not met: as the others are on average.
+    """Return the guess for recordings in the fold, as if the fit had not seen them.
 
-    What a piece has of its own in recordings of the fold becomes the mean of the
-    others, or what the same specimen has in them, and is no longer free. Faults are
-    as `known`: no candidate learns anything else from them.
+    Parameters of these recordings become those of the same specimen elsewhere, or the
+    mean of the other recordings, and are fixed. Faults are as in `known`, so no
+    candidate learns anything else from the fold.
     """
     gone = set(fold.recordings)
     if not gone:
@@ -282,10 +282,9 @@ def unmet(guess: Guess, fold: Fold, known: Mapping[str, Piece]) -> Guess:
 def missed(
     engine: Engine, guess: Guess, fold: Fold, specimens: Sequence[tuple[int, ...]]
 ) -> float:
-    """Sum of squared errors, MPa^2, of a guess in a fold.
+    """Return the sum of squared errors, MPa^2, of a guess in a fold.
 
-    A specimen that is new there gets the scale that suits it best, as nothing else
-    could tell it.
+    A new specimen gets the scale that suits it best, since nothing else could give it.
     """
     gone = set(fold.recordings)
     new = [one for one in specimens if set(one) <= gone]
@@ -303,15 +302,15 @@ def missed(
 
 
 def scales(piece: Piece) -> bool:
-    """Whether the stress after an effect is in proportion to the stress before it.
+    """Return whether the stress after an effect is proportional to the stress before.
 
-    A drift counts as such: a wrong cross-section scales it, too.
+    A drift counts as proportional: a wrong cross-section scales the drift, too.
     """
     return piece.effect.id not in ("zero_offset", "load_cell_saturation")
 
 
 def rescaled(engine: Engine, guess: Guess, new: Sequence[tuple[int, ...]]) -> Guess:
-    """The guess with the scales of new specimens that suit them best."""
+    """Return the guess with the best scales for specimens that it has not seen."""
     place = next(i for i, p in enumerate(guess.pieces) if p.nuisance)
     piece = guess.pieces[place]
     name = piece.effect.amplitude
@@ -337,7 +336,7 @@ def rescaled(engine: Engine, guess: Guess, new: Sequence[tuple[int, ...]]) -> Gu
 
 
 class Judge:
-    """Says what fits miss of recordings that they did not see, but for `spare`."""
+    """Computes errors of fits on recordings they did not see, but for `spare`."""
 
     def __init__(
         self,
@@ -357,7 +356,7 @@ class Judge:
         self.folds = Folds(tuple(every), np.maximum(squares, 1e-300))
 
     def judged(self, found: Fit, refit: bool = False) -> Candidate:
-        """A fit with its errors by one step without each fold, or by a real refit."""
+        """Return errors of a fit by one step without each fold, or by a real refit."""
         clock, engine = time.perf_counter(), self.engine
         errors = []
         pieces = found.guess.pieces
@@ -380,7 +379,7 @@ class Judge:
 
 
 def ranked(every: Iterable[Candidate]) -> list[Candidate]:
-    """The best candidate of each set of effects, the best of all first."""
+    """Return the best candidate of each set of effects, the best of all first."""
     found: dict[frozenset[str], Candidate] = {}
     for one in sorted(every, key=lambda c: c.score):
         found.setdefault(one.effects, one)
@@ -391,9 +390,9 @@ def ranked(every: Iterable[Candidate]) -> list[Candidate]:
 
 
 def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
-    """The base with faults `given` and the two effects that take up most, one by one.
+    """Return the base with faults `given` and the two best effects, added in turn.
 
-    Good enough to compare replicates, as laws are wrong in all of them alike.
+    It is good enough to compare replicates, since laws are wrong alike in all of them.
     """
     engine = base.engine
     weigh_alike(engine)
@@ -408,7 +407,7 @@ def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
 
 
 def worth_it(engine: Engine, found: Fit, fault: Piece) -> bool:
-    """Whether a fit predicts better with a fault of single recordings."""
+    """Return whether a fit predicts better with a fault of single recordings."""
     rest = tuple(
         p for p in found.guess.pieces if p.nuisance or p.effect.id != fault.effect.id
     )
@@ -418,10 +417,10 @@ def worth_it(engine: Engine, found: Fit, fault: Piece) -> bool:
 
 
 def better(engine: Engine, without: Fit, has: Fit, fault: Piece) -> bool:
-    """Whether the fit that `has` a fault predicts better than the one `without`.
+    """Return whether the fit that `has` a fault predicts better than the one `without`.
 
-    Judged by the recordings that do not have it. Of the others the fit that has it
-    knows the size, which of new recordings nobody does.
+    Recordings without the fault decide. In the others its size is known only to the
+    fit that has it, and nobody knows it for a new recording.
     """
     size = np.abs(fault.values[fault.effect.amplitude])
     spare = frozenset(np.flatnonzero(size > size.min()).tolist())
@@ -434,12 +433,12 @@ def better(engine: Engine, without: Fit, has: Fit, fault: Piece) -> bool:
 
 
 def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
-    """The sets of effects that predict best, the base alone first; all are refitted.
+    """Return the sets of effects that predict best, refitted; the base alone first.
 
-    The engine of the base weighs all samples alike from now on, and its fit is the best
-    one so. All candidates, the base too, have the faults `given`. Other effects of
-    single recordings take no part: they say nothing of others. A gap does, as all
-    strips are mounted alike.
+    From now on the engine of the base weighs all samples alike, and the base is
+    refitted so. All candidates, the base too, have the faults `given`. Other effects of
+    single recordings take no part, because they predict no other recording. Slack
+    (`in_all`) does, as all strips are mounted alike.
     """
     engine = base.engine
     weigh_alike(engine)
@@ -468,17 +467,18 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
 
 
 def alone(base: Baseline, found: Sequence[Candidate]) -> Candidate:
-    """The base without any fault."""
+    """Return the base without any fault."""
     if not found[0].given:
         return found[0]
     return Judge(base.engine, base.fit.guess).judged(base.fit, refit=True)
 
 
 def _own_forms(engine: Engine) -> frozenset[str]:
-    """Forms of laws that say nothing of recordings that were left out.
+    """Return forms of laws that predict nothing on recordings left out.
 
-    Faults of single recordings; a limit that no reading stays at; and softening on
-    reloading, where nothing is reloaded: a single loop is as wide by viscosity.
+    These are faults of single recordings; a limit that no reading reaches; and
+    softening on reloading if nothing is reloaded, since viscosity widens a single loop
+    as well.
     """
     data = (engine.fine or engine).data
     reloaded = any(_reloads(chunk) for chunk in engine.chunks)
@@ -496,7 +496,7 @@ def _own_forms(engine: Engine) -> frozenset[str]:
 
 
 def _reloads(chunk: Chunk) -> bool:
-    """Whether a specimen is loaded again, by `AGAIN` of its largest strain or more."""
+    """Return whether strain rises again by `AGAIN` of its largest value or more."""
     size = np.abs(chunk.strain)
     again = phases(chunk).branch == BRANCHES.index("reloading")
     steps = np.diff(size, prepend=size[0])

@@ -1,4 +1,4 @@
-"""Diagnoses in MLflow: a run a case, with its errors and its report."""
+"""Diagnoses in MLflow: one run for each case, with its errors and its report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def log(uri: str, folders: Sequence[Path], seed: int) -> None:
 
     for folder in folders:
         file = folder / "diagnosis.json"
-        if not file.exists():  # a case that could not be used; it was said so
+        if not file.exists():  # the case could not be used; that was reported
             continue
         result = json.loads(file.read_text(encoding="utf-8"))
         fit = result["fit"]

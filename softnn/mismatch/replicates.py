@@ -1,14 +1,16 @@
-"""Does a recording stand apart from its replicates?
+"""Which recordings differ from their replicates by a gap or a slip?
 
-Recordings of one programme go through the same, and what laws get wrong is the same in
-all of them; what one has alone, a gap or a slip, is not. So what a fit leaves of each
-is laid along the stretches between turning points, and its differences from the mean
-of the replicates are explained by gaps and slips of single recordings: a regression on
-the change that each would make, forward, as long as the odds grow. Zeros of recordings
-are free, and scales of the first loading, of what comes after, and of what is wrong in
-all of them. The differences that are left are normal, of any variance, with as many
-independent values as their spectrum says (Satterthwaite 1946, doi:10.2307/3002019), so
-that the odds are those of two regressions (Schwarz 1978, doi:10.1214/aos/1176344136).
+Replicates follow one programme, so errors of laws are equal in all of them; a gap or a
+slip in one recording is not. The residuals of replicates are compared point by point
+along the stretches between turning points. A regression explains their differences from
+the mean by gaps and slips of single recordings. Terms are added one by one while the
+odds grow.
+
+Free in each recording are its zero, the scale of first loading, the scale of later
+loading, and the scale of the shared error. The differences left over are normal with
+unknown variance. Their spectrum gives the number of independent values (Satterthwaite
+1946, doi:10.2307/3002019). The odds are those of two regressions (Schwarz 1978,
+doi:10.1214/aos/1176344136).
 """
 
 from __future__ import annotations
@@ -30,22 +32,24 @@ from softnn.mismatch.screen import bounds, pieces_at
 from softnn.mismatch.specimens import UNSAID, picked
 from softnn.state import turns
 
-BAND = 0.05  # of the range of strain: less is no turn
-LIKE = 0.15  # of the time, and of the strain, by which replicates may differ
-SAME = 0.05  # of the strain, where a factor is asked for: it makes one, too
-POINTS = 20  # at which a stretch is looked at
-SEEN = 1e-6  # of the stress, that a change must be
+BAND = 0.05  # of the range of strain; a smaller reversal is no turning point
+LIKE = 0.15  # relative difference in time and strain allowed between replicates
+SAME = 0.05  # that of the strain where factors are tested: strain scales stress too
+POINTS = 20  # points compared along a stretch
+SEEN = 1e-6  # of the stress; a smaller change is not visible
 LARGER = (1.5, 2.0, 3.0, 5.0)  # times the first start: a kink moves with its size
-GRIPS = 0.01  # of the largest strain: what a strain of class 1 is off by, ISO 9513
-FORCES = 0.01  # what a force of class 1 is off by, ISO 7500-1
-SPREADS = 2.0 ** np.arange(-2, 4)  # of what replicates differ by, over `GRIPS`
-APART = (0.03, 0.1, 0.3)  # of the largest strain: sizes of gaps and slips
+GRIPS = 0.01  # of the largest strain: error of an extensometer of class 1, ISO 9513
+FORCES = 0.01  # error of a force of class 1, ISO 7500-1
+SPREADS = 2.0 ** np.arange(-2, 4)  # spreads between replicates, relative to `GRIPS`
+APART = (0.03, 0.1, 0.3)  # sizes of gaps and slips, of the largest strain
 
 
 class Replicates:
-    """Recordings of one programme, and the points along which they are compared.
+    """Groups of recordings of one programme, and the points where they are compared.
 
-    There are `fewest` of each programme: of two, none can say which one is wrong.
+
+    A group has at least `fewest` recordings: of two, either may be wrong. `like` is the
+    relative difference of strain allowed in a group.
     """
 
     def __init__(
@@ -66,7 +70,7 @@ class Replicates:
         self.groups = [g for g in _like(turned, like) if len(g) >= fewest]
 
     def along(self, recording: int, values: Array) -> Array:
-        """Values (valid, ...) of a recording at its points (points, ...)."""
+        """Return values (valid, ...) of a recording at its points (points, ...)."""
         time, at = self.times[recording], self.at[recording]
         mine = values[self.engine.owner == recording]
         after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
@@ -95,8 +99,8 @@ class Found:
 
 
 class Group:
-    """What is left of replicates, and what each start would change, both free of what
-    replicates may differ by."""
+    """Differences of replicates from their mean, and the change by each start; both
+    without the part that zeros and scales explain."""
 
     def __init__(
         self,
@@ -112,8 +116,8 @@ class Group:
             for values in (engine.target - stress, engine.target)
         )
         usual = measured.mean(axis=0)
-        fresh = np.arange(len(usual)) < POINTS  # and softened: specimens differ in both
-        alike = left.mean(axis=0)  # what is wrong scales with the specimen, too
+        fresh = np.arange(len(usual)) < POINTS  # fresh and softened stiffness both vary
+        alike = left.mean(axis=0)  # the shared error scales with the specimen, too
         own = [np.ones_like(usual), usual * fresh, usual * ~fresh, alike]
         self.free = span(np.column_stack(own))
         self.left = self._rid(left - alike)
@@ -127,7 +131,7 @@ class Group:
         return np.asarray(rows - (rows @ self.free) @ self.free.T)
 
     def column(self, term: Term) -> Array:
-        """The change (recordings, points) that a term makes in the differences."""
+        """Return the change (recordings, points) of the differences by a term."""
         i = self.recordings.index(term.recording)
         change = self.changes[term.effect][i, term.start]
         out = np.tile(-change / len(self.recordings), (len(self.recordings), 1))
@@ -137,9 +141,9 @@ class Group:
     def gains(
         self, effect: str, left: Array, low: Array, high: Array
     ) -> tuple[Array, Array]:
-        """Best multiple (recordings, starts) of a change of one recording alone.
+        """Return the best multiples (recordings, starts) and the squares they remove.
 
-        And the squares that it takes away.
+        Each is for a change of one recording alone.
         """
         changes = self.changes[effect]
         dot = np.einsum("rsp,rp->rs", changes, left)
@@ -149,7 +153,7 @@ class Group:
 
 
 class Regression:
-    """Differences between replicates, explained by effects of single recordings."""
+    """Regression of differences between replicates on effects of single recordings."""
 
     def __init__(self, engine: Engine, guess: Guess) -> None:
         self.engine, self.pieces = engine, dict[str, list[Piece]]()
@@ -168,7 +172,7 @@ class Regression:
         self.ends = {effect: bounds(pieces) for effect, pieces in self.pieces.items()}
 
     def forward(self, effects: frozenset[str]) -> Found:
-        """The terms of these effects that are most likely, added one by one."""
+        """Return the likeliest terms of these effects, added one by one."""
         best = Found((), np.zeros(0), 0.0)
         while more := self._next(best, effects):
             tried = self.fitted((*best.terms, more))
@@ -178,7 +182,7 @@ class Regression:
         return best
 
     def _next(self, found: Found, effects: frozenset[str]) -> Term | None:
-        """The term that takes away most, of recordings that have none of the kind."""
+        """Return the term that removes most, in recordings without this effect."""
         taken = {(t.effect, t.recording) for t in found.terms}
         best, most = None, 0.0
         for group, left in zip(self.groups, self.left(found), strict=True):
@@ -194,7 +198,7 @@ class Regression:
         return best
 
     def left(self, found: Found) -> list[Array]:
-        """The differences of each group without what the terms make of them."""
+        """Return the differences of each group, less the contribution of the terms."""
         out = []
         for group in self.groups:
             left = group.left.copy()
@@ -205,7 +209,7 @@ class Regression:
         return out
 
     def fitted(self, terms: tuple[Term, ...]) -> Found:
-        """The terms at their best sizes, and the odds of that."""
+        """Return the terms at their best sizes, with their odds."""
         sizes = np.zeros(len(terms))
         for group in self.groups:
             mine = [i for i, t in enumerate(terms) if t.recording in group.recordings]
@@ -232,13 +236,13 @@ class Regression:
         for effect in {t.effect for t in found.terms}:
             mine = [t for t in found.terms if t.effect == effect]
             law = self.pieces[effect][0].effect
-            # A moment is found to an interval: it is two numbers (`evidence.worth`).
+            # A moment counts as two parameters (`evidence.worth`).
             numbers = 2 * len(law.per_recording) - 1
             gain -= each * numbers * len(mine)
         return float(gain)
 
     def beyond(self, found: Found) -> Found:
-        """The terms that are more than strains are off by anyway."""
+        """Return the terms that exceed the usual error of a strain."""
         pairs = zip(found.terms, found.sizes, strict=True)
         large = [
             abs(self.size(t, s)) > GRIPS * reach(self.engine.chunks[t.recording])
@@ -248,11 +252,10 @@ class Regression:
         return replace(found, terms=terms, sizes=found.sizes[large])
 
     def faulty(self, found: Found, effect: str) -> float:
-        """Probability that the sizes of an effect are no scatter between specimens.
+        """Return the probability that sizes of an effect exceed scatter of specimens.
 
-        No two strips are gripped alike. So sizes are half-normal, with a spread that is
-        itself half-normal, of the scale `GRIPS`; or those of the terms have a size of
-        their own.
+        No two strips are gripped alike. Either all sizes are half-normal, with a
+        half-normal spread of scale `GRIPS`, or those of the terms have their own size.
         """
         mine = {t.recording for t in found.terms if t.effect == effect}
         some, rest = [], []
@@ -284,9 +287,9 @@ class Regression:
     def _relative(
         self, group: Group, left: Array, term: Term, by: float
     ) -> tuple[float, float]:
-        """Size of a term over the largest strain, and its standard error.
+        """Return the size of a term over the largest strain, and its standard error.
 
-        What is left has fewer independent values than points, all of one variance.
+        The residual has one variance and fewer independent values than points.
         """
         reached = reach(self.engine.chunks[term.recording])
         squares = float((group.column(term) ** 2).sum())
@@ -295,13 +298,13 @@ class Regression:
         return abs(self.size(term, by)) / reached, abs(error) / reached
 
     def size(self, term: Term, by: float) -> float:
-        """The amplitude of a term, `by` times its start."""
+        """Return the amplitude of a term, `by` times its start."""
         piece = self.pieces[term.effect][term.start]
         value = piece.values[piece.effect.amplitude][term.recording]
         return float(value * by)
 
     def piece(self, found: Found, effect: str) -> Piece:
-        """The effect with its values in the recordings that have it."""
+        """Return the effect with its values in the recordings that have it."""
         first = self.pieces[effect][0]
         law, values = first.effect, dict(first.values)
         for name in law.per_recording:
@@ -319,7 +322,7 @@ class Regression:
 
 
 def independent(left: Array) -> float:
-    """How many independent values the differences (recordings, points) have."""
+    """Return the number of independent differences among (recordings, points)."""
     power = (np.abs(np.fft.rfft(left, axis=1)[:, 1:]) ** 2).sum(axis=0)
     if not power.sum() > 0:
         return 0.0
@@ -328,11 +331,11 @@ def independent(left: Array) -> float:
 
 
 def are_specimens(engine: Engine) -> bool:
-    """Whether the stress of replicates differs by a factor each, as of specimens.
+    """Return whether stresses of replicates differ by factors, as of specimens.
 
     The odds are those of two regressions of the measured stress on the mean of the
-    replicates, with and without a factor for each; zeros are free. Factors that scatter
-    less than forces are off by are none.
+    replicates, with and without a factor for each; zeros are free. Factors must scatter
+    by more than the error of a force, `FORCES`.
     """
     replicates = Replicates(engine, fewest=2, like=SAME)
     gain = count = numbers = 0.0
@@ -358,7 +361,7 @@ def are_specimens(engine: Engine) -> bool:
 
 
 def stand_out(engine: Engine, found: Fit) -> list[Fault]:
-    """What recordings have that their replicates have not, by what a fit leaves."""
+    """Return faults that recordings have and their replicates have not."""
     if not Replicates(engine).groups:
         return []
     guess, shared = _alike(found.guess)
@@ -370,7 +373,7 @@ def stand_out(engine: Engine, found: Fit) -> list[Fault]:
     for effect in sorted({t.effect for t in large.terms}):
         odds = best.odds - regression.forward(every - {effect}).odds
         piece = regression.piece(large, effect)
-        if effect in shared:  # and what all recordings have of it
+        if effect in shared:  # plus the part that all recordings share
             piece = _together(shared[effect], piece)
         chance = float(expit(odds)) * regression.faulty(large, effect)
         out.append(Fault(piece, chance))
@@ -378,9 +381,9 @@ def stand_out(engine: Engine, found: Fit) -> list[Fault]:
 
 
 def _half_normal(sizes: Sequence[tuple[float, float]], spread: float) -> float:
-    """Log density (to a constant) of sizes of either sign taken as one.
+    """Return the log density (to a constant) of sizes, both signs taken together.
 
-    Each comes with its standard error.
+    `sizes` are pairs of a size and its standard error.
     """
     size, error = np.array(sizes).reshape(-1, 2).T
     wide = np.hypot(spread, error)
@@ -388,7 +391,7 @@ def _half_normal(sizes: Sequence[tuple[float, float]], spread: float) -> float:
 
 
 def own(law: Effect) -> bool:
-    """Whether an effect has a size in each recording that is no scale and no zero."""
+    """Return whether an effect has a size in each recording, not a scale or a zero."""
     return law.amplitude in law.per_recording and not (law.scatter or law.unmoved)
 
 
@@ -397,9 +400,9 @@ def _channels(data: Data) -> tuple[Sequence[Chunk], Sequence[Array]]:
 
 
 def _alike(guess: Guess) -> tuple[Guess, dict[str, Piece]]:
-    """The guess with no more of effects of single recordings than all of them have.
+    """Return the guess in which effects of recordings have their smallest size in all.
 
-    And those effects of which all have some.
+    Also returns these effects, if the smallest size is not zero.
     """
     pieces, shared = [], {}
     for piece in guess.pieces:
@@ -416,7 +419,7 @@ def _alike(guess: Guess) -> tuple[Guess, dict[str, Piece]]:
 
 
 def _together(all_have: Piece, more: Piece) -> Piece:
-    """What all recordings have of an effect, and what some have more."""
+    """Return the effect that all recordings share plus the excess of some of them."""
     name = more.effect.amplitude
     values = dict(all_have.values)
     for other in more.effect.per_recording:
@@ -426,7 +429,7 @@ def _together(all_have: Piece, more: Piece) -> Piece:
 
 
 def _like(turned: Mapping[int, tuple[Array, Array]], like: float) -> list[list[int]]:
-    """Replicates: as many turns, after about as long, and at about the same strain."""
+    """Return replicates: recordings with turning points at like times and strains."""
     reach = max((float(np.ptp(x)) for _, x in turned.values()), default=0.0)
 
     def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:

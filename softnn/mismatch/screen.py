@@ -19,14 +19,14 @@ from softnn.fit import Engine, Fit, Piece, span
 
 @dataclass(frozen=True)
 class Lead:
-    """An effect that the score test points to, with where to start its fit."""
+    """An effect that the score test proposes, with the start of its fit."""
 
     piece: Piece
     gain: float  # of chi2, linearised
 
 
 def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
-    """A piece for each start of an effect: core parameters free, all recordings on."""
+    """Return a piece for each start of an effect: core parameters free, all on."""
     scales = engine.data.scales()
     effect = effect.within(scales)
     return pieces_at(engine, effect, effect.starts(scales))
@@ -35,7 +35,7 @@ def start_pieces(engine: Engine, effect: Effect) -> list[Piece]:
 def pieces_at(
     engine: Engine, effect: Effect, starts: Sequence[Mapping[str, Any]]
 ) -> list[Piece]:
-    """A piece for each of these starts; see `start_pieces`."""
+    """Return a piece for each of these starts; see `start_pieces`."""
     r = len(engine.chunks)
     out = []
     fixed = effect.defaults()
@@ -59,12 +59,12 @@ def pieces_at(
 
 
 def in_all(effect: Effect) -> bool:
-    """Whether an effect of single recordings may be one and the same in all."""
+    """Return whether an effect of single recordings may be equal in all of them."""
     return len(effect.per_recording) == 1 and not effect.some
 
 
 def only(piece: Piece, recordings: NDArray[np.integer]) -> Piece:
-    """The piece in these recordings, off in the others."""
+    """Return the piece in these recordings, off in the others."""
     values = dict(piece.values)
     for name, off in piece.effect.off.items():
         array = np.full(len(values[name]), off)
@@ -75,7 +75,7 @@ def only(piece: Piece, recordings: NDArray[np.integer]) -> Piece:
 
 
 class Screen:
-    """Score tests at one fit: the residual, and what the fit can still absorb."""
+    """Score tests at one fit: its residual, and the columns that the fit absorbs."""
 
     def __init__(self, engine: Engine, base: Fit) -> None:
         self.engine, self.base = engine, base
@@ -86,10 +86,10 @@ class Screen:
         return atoms - self.q @ (self.q.T @ atoms)
 
     def lead(self, effect: Effect, threshold: float) -> list[Lead]:
-        """Leads of an effect from each of its starts.
+        """Return proposals of an effect from each of its starts.
 
-        One of single recordings is asked for in each, and as the same in all of them:
-        what is too small to be seen in any may be seen in all.
+        An effect of single recordings is tried in each recording, and with one common
+        value in all: an effect too small to see in one may be visible in all.
         """
         pieces = start_pieces(self.engine, effect)
         change = self._changes(pieces)
@@ -103,7 +103,7 @@ class Screen:
         return leads
 
     def closer(self, effect: Effect, threshold: float) -> list[Lead]:
-        """Leads of an effect from its closer starts, one of each shape."""
+        """Return proposals of an effect from its closer starts, one of each shape."""
         scales = self.engine.data.scales()
         effect = effect.within(scales)
         out = []
@@ -113,11 +113,11 @@ class Screen:
         return out
 
     def _changes(self, pieces: Sequence[Piece]) -> Array:
-        """Whitened change of stress (valid, pieces) that each makes."""
+        """Return the whitened change of stress (valid, pieces) by each piece."""
         return self.engine.whiten(self.engine.by_each(self.base.guess, pieces))
 
     def whole(self, pieces: Sequence[Piece], change: Array | None = None) -> list[Lead]:
-        """A lead from each piece, in all its recordings; `change` as `_changes`."""
+        """Return a proposal from each piece, in all its recordings."""
         change = self._changes(pieces) if change is None else change
         size = (change**2).sum(axis=0) - ((self.q.T @ change) ** 2).sum(axis=0)
         c, gain = _signed(bounds(pieces), size, change.T @ self.residual)
@@ -130,9 +130,9 @@ class Screen:
     def _greedy(
         self, pieces: Sequence[Piece], change: Array, threshold: float
     ) -> list[Lead]:
-        """Recordings one after the other, each from the start that suits it best.
+        """Add recordings one by one, each from the start that suits it best.
 
-        On the products of all atoms alone; each that is chosen is swept out of them.
+        Works on the products of all score columns; a chosen column is swept out.
         """
         starts, recordings = len(pieces), len(self.engine.chunks)
         gram = np.zeros((recordings * starts,) * 2)
@@ -149,12 +149,12 @@ class Screen:
         ends = np.tile(bounds(pieces), recordings)
         chosen: dict[int, tuple[int, float]] = {}
         total = 0.0
-        # A mistake in some recordings is one only beside others that are right.
+        # A mistaken scale in some recordings needs others that are right.
         limit = recordings - int(pieces[0].effect.some)
         while len(chosen) < limit:
             size = np.diag(gram).copy()
             c, gain = _signed(ends, size, dot)
-            # What is absorbed by what is in already tells nothing new.
+            # A column that the chosen ones absorb adds nothing.
             gain[size < 0.02 * whole] = 0.0
             for g in chosen:
                 gain[g * starts : (g + 1) * starts] = 0.0
@@ -185,7 +185,7 @@ class Screen:
 
 
 def bounds(pieces: Sequence[Piece]) -> Array:
-    """Multiples (2, pieces) of a start's amplitude that its range allows, up to 4."""
+    """Return the multiples (2, pieces) of a start that its range allows, up to 4."""
     out = []
     for piece in pieces:
         effect, low, high = piece.effect, 0.0, 1.5
@@ -199,9 +199,10 @@ def bounds(pieces: Sequence[Piece]) -> Array:
 
 
 def _signed(bounds: Array, size: Array, dot: Array) -> tuple[Array, Array]:
-    """Best multiple of each atom within its range, and the gain of chi2, each (atoms,).
+    """Return the best multiple of each column in its range, and its gain of chi2.
 
-    `size` and `dot`: its products with itself and with the residual.
+    Both are (columns,). `size` and `dot` are the products of a column with itself and
+    with the residual.
     """
     there = size > 1e-12
     c = np.clip(dot / np.where(there, size, 1.0), *bounds) * there
@@ -213,7 +214,7 @@ def _scaled(piece: Piece, by: float) -> Piece:
     values = dict(piece.values)
     if effect.off.get(effect.amplitude) == 0.0:
         factor = by if abs(by) > 0.05 else np.copysign(0.05, by)
-        # Some are off where several numbers are zero: an atom is of all of them.
+        # Some effects are off where several parameters are zero: scale all of them.
         for name in (n for n, off in effect.off.items() if off == 0.0):
             values[name] = values[name] * factor
     return replace(piece, values=clipped(effect, values))

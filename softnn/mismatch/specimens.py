@@ -1,7 +1,7 @@
 """Which recordings share a specimen, where no labels say so?
 
-Each recording may have its own specimen, or some may share one; both are equally likely
-a priori. The partition prior is a Chinese restaurant process (Pitman 2006,
+Each recording may have its own specimen, or some may share a specimen; both are equally
+likely a priori. The partition prior is a Chinese restaurant process (Pitman 2006,
 doi:10.1007/b11601500): the next recording joins a specimen in proportion to its size.
 Two specimens in seven recordings give scales that agree in some recordings and differ
 in others; seven separate specimens would not.
@@ -18,34 +18,34 @@ import numpy as np
 from softnn.contracts import Array
 from softnn.fit import Fit, get, span
 
-UNSAID = 1.6  # log odds against either kind that nobody wrote down: one case in six
+UNSAID = 1.6  # log odds against unlabelled specimens or mistakes: one case in six
 
 
 def cost(sizes: Sequence[int]) -> float:
-    """Log odds against unsaid specimens of so many recordings each."""
+    """Return the log odds against unlabelled specimens of these sizes."""
     if max(sizes) == 1:
         return UNSAID
     return UNSAID + lgamma(sum(sizes) + 1) - sum(map(lgamma, sizes))
 
 
 def sizes(count: int, groups: Sequence[Sequence[int]]) -> list[int]:
-    """Recordings of each specimen; those in no group are of the first."""
+    """Return the number of recordings of each specimen; the first has the rest."""
     mine = [len(group) for group in groups]
     return [count - sum(mine), *mine]
 
 
 def picked(count: int, wrong: int) -> float:
-    """Log odds against so many of the recordings, and these: some are right, some not.
+    """Return the log odds against this choice of `wrong` recordings out of `count`.
 
-    How many is as open as which.
+    Every number of wrong recordings is equally likely, and so is every choice.
     """
     return log(max(count - 1, 1) * comb(count, wrong))
 
 
 def estimated(found: Fit) -> tuple[Array, Array]:
-    """Scales of specimens over the first's (k,), and their precision beside all else.
+    """Return specimen scales relative to the first (k,), and their precision (k, k).
 
-    They are as good as normal, so that what they are drawn from can be integrated out.
+    They are nearly normal, so their distribution over specimens can be integrated out.
     """
     slots, pieces = found.slots, found.guess.pieces
     mine = [j for j, s in enumerate(slots) if s.piece >= 0 and pieces[s.piece].nuisance]
@@ -59,11 +59,11 @@ def estimated(found: Fit) -> tuple[Array, Array]:
 
 
 def shared(found: Fit, scales: Sequence[float]) -> list[tuple[int, ...]]:
-    """The likeliest specimens, that of the first recording first.
+    """Return the likeliest groups of recordings by specimen, that of the first first.
 
-    `found` has an unsaid scale for each recording but the first. Those of specimens are
-    normal with one of `scales`; groups are merged while there are two, the pair that
-    leaves most at a time.
+    `found` has an unlabelled scale for each recording but the first. Scales of
+    specimens are normal with one of `scales`. Groups are merged down to two, each time
+    the pair that leaves the highest score.
     """
     at, known = estimated(found)
     count = len(at) + 1
@@ -72,7 +72,7 @@ def shared(found: Fit, scales: Sequence[float]) -> list[tuple[int, ...]]:
         member = np.zeros((count, len(groups)))
         for k, group in enumerate(groups):
             member[list(group), k] = 1.0
-        over = member[1:] - member[0]  # scales are over that of the first recording
+        over = member[1:] - member[0]  # scales are relative to the first recording
         return max(marginal(at, known, s * over) for s in scales if s) - cost(
             [len(g) for g in groups]
         )
@@ -90,9 +90,9 @@ def shared(found: Fit, scales: Sequence[float]) -> list[tuple[int, ...]]:
 
 
 def marginal(at: Array, known: Array, weights: Array) -> float:
-    """Log density (to a constant) of scales `at` known to that precision.
+    """Return the log density (to a constant) of scales `at` (k,) of precision `known`.
 
-    They are `weights` (scales, specimens) times independent standard normals.
+    The scales are `weights` (k, specimens) times independent standard normals.
     """
     inner = np.eye(weights.shape[1]) + weights.T @ known @ weights
     right = weights.T @ (known @ at)

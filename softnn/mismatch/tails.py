@@ -17,10 +17,11 @@ RARE, WIDE, STAY = 0.01, 10.0, 0.7
 
 
 def shares(half_squares: Array, begins: np.ndarray) -> tuple[Array, float]:
-    """Probability (n,) of each sample to be off, and log odds against that none is.
+    """Return the probability (n,) that each sample is an outlier, and the log odds.
 
-    `half_squares` (n,) of whitened samples, -inf for one that cannot be off; `begins`
-    (n,) where a recording does.
+    The log odds (nats) are against no outlier at all. `half_squares` (n,) are those of
+    whitened samples, -inf for a sample that cannot be an outlier; `begins` (n,) marks
+    the first sample of each recording.
     """
     ratio = half_squares * (1 - WIDE**-2) - np.log(WIDE)
     enter = RARE * (1 - STAY) / (1 - RARE)
@@ -31,7 +32,7 @@ def shares(half_squares: Array, begins: np.ndarray) -> tuple[Array, float]:
 @numba.njit(cache=True)
 def _chain(ratio, begins, first, enter, stay):
     n = len(ratio)
-    ahead = np.empty(n)  # log odds of being off, given all until there
+    ahead = np.empty(n)  # log odds of an outlier, given all samples up to there
     total = 0.0
     for i in range(n):
         if begins[i]:
@@ -42,7 +43,7 @@ def _chain(ratio, begins, first, enter, stay):
         ahead[i] = np.log(off) - np.log1p(-off) + ratio[i]
         total += np.log1p(-off) + np.logaddexp(0.0, ahead[i]) - np.log(none)
     share = np.empty(n)
-    behind = 0.0  # log odds of all that follows
+    behind = 0.0  # log odds by all samples that follow
     for i in range(n - 1, -1, -1):
         share[i] = 1 / (1 + np.exp(-ahead[i] - behind))
         if begins[i]:

@@ -1,9 +1,9 @@
-"""Where recordings ask a network what it was never shown: no physics of the material.
+"""Stretches of recordings outside the training domain of a network.
 
-A network taught by tensile tests knows nothing of unloading, of holds, or of the stress
-between the rates it was taught. What it says there is made up, so nothing can be named
-by it: the search ends, recording by recording, where the first such stretch begins, as
-what comes after it has a history that was never shown either. The stretches are told.
+A network trained on tensile tests has not seen unloading, holds, or rates between the
+training rates. Its stress there is made up, so no effect can be named from it. The
+diagnosis of a recording therefore ends at the first such stretch; later samples have a
+history outside the domain as well. The result lists the stretches.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from softnn.state import BRANCHES, phases, runs
 if TYPE_CHECKING:
     from softnn.neural import Seen
 
-FEWEST = 4  # samples a stretch has at least, and a recording keeps
-NEAR = 0.15  # of a rate, by which another is still the same
+FEWEST = 4  # samples that a stretch has at least, and that a recording keeps
+NEAR = 0.15  # relative difference within which two rates are equal
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples [first, last) of a recording (by index), never shown, and why."""
+    """Samples [first, last) of a recording outside the training domain, and why."""
 
     recording: int
     first: int
@@ -40,7 +40,7 @@ class Stretch:
 
 
 def stretches(case: Case, seen: Seen) -> list[Stretch]:
-    """What was never shown, one a branch of the history, in time order."""
+    """Return the stretches outside the training domain, one a branch, in time order."""
     out = []
     for i, chunk in enumerate(to_data(case).chunks):
         time, strain = chunk.time_s, np.asarray(chunk.strain)
@@ -58,7 +58,7 @@ def stretches(case: Case, seen: Seen) -> list[Stretch]:
 
 
 def _never(branch: str, rate: float, strain: Array, seen: Seen) -> str:
-    """Why a stretch at this rate was never shown, "" where it was."""
+    """Return why a stretch is outside the training domain; "" if it is inside."""
     if seen.rate_per_s is not None:
         low, high = seen.rate_per_s
         if branch == "hold":
@@ -81,9 +81,9 @@ def _never(branch: str, rate: float, strain: Array, seen: Seen) -> str:
 
 
 def taught(case: Case, found: Sequence[Stretch]) -> Case:
-    """The case up to where each recording first asks what was never shown."""
+    """Return the case, each recording cut at its first stretch outside the domain."""
     recordings, simulated = list(case.recordings), list(case.simulated_MPa or ())
-    firsts = {s.recording: s for s in reversed(found)}  # the first of each recording
+    firsts = {s.recording: s for s in reversed(found)}  # first stretch of each
     for s in firsts.values():
         i, keep = s.recording, slice(0, max(s.first, FEWEST))
         cut = case.recordings[i].take(keep)

@@ -1,10 +1,10 @@
 """Does the explanation hold on recordings it did not see?
 
-Each recording is left out in turn: stiffnesses and effects are those of the others.
-What belongs to the recording alone (its own gap, offset, scale) is taken from every
-other tenth of it, and the tenths between are predicted, then the other way round. The
-solution without a recording is one damped step of the joint normal equations, which
-keep one part a recording; its prediction is simulated, not linearised.
+Each recording is left out in turn; stiffnesses and effects come from the others. The
+recording's own parameters (its gap, offset, scale) are fitted to every other tenth of
+it, and the tenths between are predicted; then the tenths swap. The solution without a
+recording is one damped step of the joint normal equations, which are a sum over
+recordings. Its prediction is simulated, not linearised.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Guess, Slot, _bounded, fit, get, put
 
 BLOCKS = 10
-MOST_EXCESS = 1e100  # a fit that ran away, squared once more, is no number
-HALVINGS = 8  # of a step that made the others worse
-DAMPING = 1e-4  # of each diagonal entry, for what the others cannot determine
+MOST_EXCESS = 1e100  # a larger misfit is a fit that ran away; its square would overflow
+HALVINGS = 8  # of a step that worsens the fit to the others
+DAMPING = 1e-4  # of each diagonal entry, for undetermined parameters
 
 
 def parts(engine: Engine) -> NDArray[np.integer]:
-    """Which part (valid,) each sample belongs to when one is left out at a time.
+    """Return the part (valid,) of each sample; one part is left out at a time.
 
-    Recordings; for a single recording, five stretches of it.
+    Parts are recordings; a single recording has five stretches.
     """
     if len(engine.chunks) > 1:
         return engine.owner
@@ -38,12 +38,12 @@ def parts(engine: Engine) -> NDArray[np.integer]:
 
 @dataclass(frozen=True)
 class Heldout:
-    """What is missed of what was left out."""
+    """Error on the parts left out, each predicted without having been seen."""
 
-    errors: Array  # (parts,), sums of its squares, MPa^2
-    squares: Array  # (parts,), of the stress itself, MPa^2
-    misfit: float  # whitened, squared, a sample; what the others leave open allowed for
-    worst: tuple[str, float] | None = None  # what was left out there, and the NRMSE
+    errors: Array  # (parts,), sums of squared errors, MPa^2
+    squares: Array  # (parts,), sums of squared stress, MPa^2
+    misfit: float  # mean whitened square, less the uncertainty of parameters
+    worst: tuple[str, float] | None = None  # kind and NRMSE of the worst fold
 
     @property
     def nrmse(self) -> float:
@@ -59,7 +59,7 @@ class _Linear:
     start: Array
     low: Array
     high: Array
-    base: int  # stiffnesses among the unknowns
+    base: int  # number of stiffnesses among the unknowns
 
     @classmethod
     def of(cls, found: Fit) -> _Linear:
@@ -76,7 +76,7 @@ class _Linear:
         return cls(jacobian, target, start, low, high, base)
 
     def without(self, gram: Array, right: Array) -> Array:
-        """The damped solution of the normal equations of the other samples."""
+        """Return the damped solution of the normal equations of the other samples."""
         whole = np.diag(self.jacobian.T @ self.jacobian)
         pull = DAMPING * whole + 1e-12 * whole.max(initial=0)
         right = right + pull * self.start
@@ -84,10 +84,10 @@ class _Linear:
 
 
 def without_rows(engine: Engine, found: Fit, rows: NDArray[np.bool]) -> Guess:
-    """The guess after one damped Gauss-Newton step without these samples (valid,).
+    """Return the guess after one damped Gauss-Newton step without samples (valid,).
 
-    The engine weighs samples one by one (no memory). A step that makes the other
-    samples worse is halved.
+    The engine must weigh samples one by one (no memory). A step that worsens the fit to
+    the other samples is halved.
     """
     line, kept = _Linear.of(found), ~rows
     a, b = line.jacobian[kept], line.target[kept]
@@ -102,7 +102,7 @@ def without_rows(engine: Engine, found: Fit, rows: NDArray[np.bool]) -> Guess:
 
 
 def heldout(engine: Engine, found: Fit) -> Heldout:
-    """What a fit misses of each part when it is left out."""
+    """Return the error of a fit on each part, predicted without this part."""
     part, where, line = parts(engine), found.slots, _Linear.of(found)
     jacobian, target, base = line.jacobian, line.target, line.base
     gram, right = jacobian.T @ jacobian, jacobian.T @ target
@@ -111,8 +111,8 @@ def heldout(engine: Engine, found: Fit) -> Heldout:
         index = np.flatnonzero(part == g)
         mine = jacobian[index]
         x = line.without(gram - mine.T @ mine, right - mine.T @ target[index])
-        # Of a prediction with the covariance of what it rests on, the square is what
-        # the misfit of all is more than that of the others.
+        # Mahalanobis square of a prediction, its covariance included: the misfit of
+        # all samples less that of the others.
         others = np.delete(target - jacobian @ x, index)
         chi2 += found.chi2 - float(others @ others)
         for _ in range(HALVINGS):
@@ -120,7 +120,7 @@ def heldout(engine: Engine, found: Fit) -> Heldout:
             left = np.delete(engine.whiten(engine.target - stress), index)
             if left @ left <= 1.01 * np.delete(kept, index).sum():
                 break
-            x = (x + line.start) / 2  # laws that bend are not as far as their tangents
+            x = (x + line.start) / 2  # nonlinear laws end before their tangents do
         alone = [base + j for j, s in enumerate(where) if s.recordings == (g,)]
         half = np.arange(len(index)) * BLOCKS // len(index) % 2
         for side in (0, 1) if alone and len(engine.chunks) > 1 else ():
@@ -138,7 +138,7 @@ def heldout(engine: Engine, found: Fit) -> Heldout:
 
 
 def _solved(gram: Array, right: Array, low: Array, high: Array, x: Array) -> Array:
-    """`x` (k,) that solves the normal equations within bounds; itself where k is 0."""
+    """Return `x` (k,) that solves the normal equations within bounds."""
     return _bounded(gram, right, low, high, x) if len(x) else x
 
 
@@ -151,12 +151,12 @@ def _low(slot: Slot) -> float:
 def predict(
     engine: Engine, guess: Guess, where: Sequence[Slot], x: Array, base: int
 ) -> Array:
-    """Stress (valid,) with the stiffnesses and slots of the vector x."""
+    """Return the stress (valid,), MPa, with stiffnesses and slots of the vector x."""
     return engine.run(moved_to(guess, where, x, base), False)[0]
 
 
 def moved_to(guess: Guess, where: Sequence[Slot], x: Array, base: int) -> Guess:
-    """The guess with the stiffnesses and slots of the vector x."""
+    """Return the guess with the stiffnesses and slots of the vector x."""
     values = [s.outside(v) for s, v in zip(where, x[base:], strict=True)]
     moved = put(guess, where, values)
     if base:
@@ -171,7 +171,7 @@ def nrmse_of(errors: Array, squares: Array) -> float:
 def ratio_interval(
     before: Array, after: Array, rng: np.random.Generator, draws: int = 2000
 ) -> tuple[float, float, float]:
-    """Held-out error after over before, with its 95 % bootstrap over recordings."""
+    """Return held-out error after over before, and its 95 % bootstrap interval."""
     ratio = float(np.sqrt(after.sum() / max(before.sum(), 1e-300)))
     pick = rng.integers(0, len(before), (draws, len(before)))
     drawn = np.sqrt(
@@ -182,7 +182,7 @@ def ratio_interval(
 
 
 def whiteness(engine: Engine, found: Fit) -> float:
-    """Correlation of neighbouring whitened residuals; 0 when only noise is left."""
+    """Return the correlation of neighbouring whitened residuals; 0 for pure noise."""
     r = found.residual
     same = engine.owner[1:] == engine.owner[:-1]
     top = float(np.sum((r[1:] * r[:-1])[same]))
@@ -190,10 +190,10 @@ def whiteness(engine: Engine, found: Fit) -> float:
 
 
 def intervals(found: Fit) -> dict[tuple[int, str, tuple[int, ...] | None], tuple]:
-    """95 % interval of each slot from the joint normal equations.
+    """Return the 95 % interval of each slot from the joint normal equations.
 
-    The curvature of the profile likelihood at its top: others free, noise scaled to
-    what is left where the fit is worse than the noise.
+    It is the curvature of the profile likelihood at its maximum, with the other
+    parameters free. If the fit is worse than the noise, its residual scales the noise.
     """
     j, k = found.free_columns, len(found.slots)
     d = np.linalg.norm(j, axis=0)
@@ -215,10 +215,11 @@ def intervals(found: Fit) -> dict[tuple[int, str, tuple[int, ...] | None], tuple
 def profiled(
     engine: Engine, found: Fit, index: int, name: str, limits: Mapping[Any, tuple]
 ) -> tuple[float, float]:
-    """95 % interval of a shared parameter of piece `index` from its profile likelihood.
+    """Return the 95 % interval of a shared parameter by its profile likelihood.
 
-    At each end of the interval by curvature everything else is fitted again; a parabola
-    through what that costs gives the end where it costs 1.96^2 / 2 of log-likelihood.
+    The parameter belongs to piece `index`. At each end of the interval by curvature all
+    other parameters are refitted. A parabola through the loss of log-likelihood gives
+    the end where the loss is 1.96^2 / 2.
     """
     piece = found.guess.pieces[index]
     value = float(piece.values[name])

@@ -1,4 +1,4 @@
-"""The answer in words: every sentence is made of diagnosis.json alone.
+"""The answer in words; every sentence is made from diagnosis.json alone.
 
 *Left out* and *missing* are said of physics. Data that the fit did not use are *new
 specimens*, *recordings not used in the fit* or *parts not used in the fit*.
@@ -18,15 +18,16 @@ from softnn.report.phrases import listed, number, opened, percent, plain, sure
 Result = Mapping[str, Any]
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth")
-FEW = 2  # recordings that a sentence names; of more it says how many
-SAME = 1.02  # of an error, within which another is as good
+FEW = 2  # recordings that a sentence names; for more it gives their number
+SAME = 1.02  # factor of an error within which another error counts as equal
 
 
 def answer(result: Result) -> dict[str, Any]:
-    """The answer, sentence by sentence: `what`, `error`, `open` (a list) and `next`.
+    """Return the sentences of the answer: `what`, `error`, `open` (a list), `next`.
 
-    `what` is missing and how sure that is; `error` before and after the correction;
-    `open` is what these recordings cannot tell; `next` is what to do.
+    `what` names missing effects with their probability; `error` is the error before and
+    after the correction; `open` is for questions that these recordings cannot decide;
+    `next` is the next step.
     """
     return {
         "what": _what(result),
@@ -37,12 +38,12 @@ def answer(result: Result) -> dict[str, Any]:
 
 
 def summary(told: Mapping[str, Any]) -> str:
-    """The sentences of an answer in a line, without what to do next."""
+    """Return the sentences of an answer in one line, without the next step."""
     return " ".join(s for s in (told["what"], told["error"], *told["open"]) if s)
 
 
 def unused(result: Result) -> str:
-    """Data that the fit did not use, as a sentence calls them."""
+    """Return the words for data that the fit did not use."""
     return UNUSED[result["fit"]["heldout_by"]]
 
 
@@ -82,7 +83,7 @@ def _what(result: Result) -> str:
 
 
 def _named(result: Result) -> str:
-    """The effects that were left out, with the probability of each."""
+    """Return a sentence with the effects left out, and the probability of each."""
     every = _probability(result)
     parts = {e["effect"]: _in(result, e["recordings"]) for e in _own(result)}
 
@@ -110,13 +111,13 @@ def _probability(result: Result) -> dict[str, float]:
 
 
 def _own(result: Result) -> list[dict[str, Any]]:
-    """Explanations by an effect that each recording has a value of its own of."""
+    """Return explanations by effects that have a value in each recording."""
     rows = result["explanations"]
     return [e for e in rows if effect(e["effect"], e["form"]).per_recording]
 
 
 def _in(result: Result, names: Sequence[str]) -> str:
-    """In which recordings an effect is, where not in all of them."""
+    """Return the recordings that have an effect, in words; "" if all have it."""
     count = len(result["recordings"])
     if len(names) in (0, count):
         return ""
@@ -137,7 +138,7 @@ def _error(result: Result) -> str:
     if result["verdict"] == "nothing_missing":
         return f"The simulation predicts {new} to {before} ({noise})."
     if names and all(effect(n).scatter for n in names):
-        # Specimens have a scale of their own either way, so that no error changes.
+        # Specimens have their own scale either way, so the error does not change.
         return f"But for that, {new} are predicted to {before} ({noise})."
     if not by:
         return f"The simulation predicts {new} to {before} only ({noise})."
@@ -149,7 +150,7 @@ def _error(result: Result) -> str:
         with_ = f"With {listed([plain(n) for n in by if n not in names])} as well"
     old, least = fit["before"]["heldout_nrmse"] ** 2, fit["noise_nrmse"] ** 2
     if names and old - fit["after"]["heldout_nrmse"] ** 2 < HELPS * (old - least):
-        # Of faults of single recordings others learn nothing.
+        # A fault of single recordings does not help to predict others.
         return (
             f"{with_}, the error on all recordings is {whole[1]} instead of "
             f"{whole[0]}; {new} are predicted to {after} instead of {before} ({noise})."
@@ -187,7 +188,7 @@ def _open(result: Result) -> list[str]:
 
 
 def _factors(result: Result) -> list[str]:
-    """By what factor a specimen is off, where that is named as a mistake."""
+    """Return the factors by which specimens are mis-scaled, if that is named."""
     said = []
     for told in result["explanations"]:
         law = effect(told["effect"], told["form"])
@@ -202,7 +203,7 @@ def _factors(result: Result) -> list[str]:
 
 
 def _instead(result: Result) -> tuple[list[str], list[str]]:
-    """Sentences on effects that could replace a named one; the other likely ones."""
+    """Return sentences on effects that may replace a named one; other likely ones."""
     names, every = set(result["selected"]), _probability(result)
     left = [n for n, p in every.items() if n not in names and p >= LIKELY]
     if not left or result["verdict"] == "unexplained":
@@ -223,7 +224,7 @@ def _instead(result: Result) -> tuple[list[str], list[str]]:
 
 
 def _structure(result: Result) -> list[str]:
-    """What the unexplained mismatch depends on, and when it comes back."""
+    """Return sentences on what an unexplained mismatch depends on, and its period."""
     structure = result["structure"]
     if not structure:
         return []
@@ -270,9 +271,9 @@ def _next(result: Result) -> str:
 
 
 def next_recording(result: Result) -> dict[str, Any] | None:
-    """The recording that separates the likeliest effects; None where none are left.
+    """Return the recording that separates the likeliest effects; None if none can.
 
-    Only effects of a tenth or more are worth a recording.
+    Only effects with a probability of 10 % or more are considered.
     """
     every = _probability(result)
     names = list(every)
@@ -295,7 +296,7 @@ def next_recording(result: Result) -> dict[str, Any] | None:
         for told in result["explanations"]
         for other in told["equivalent"]
     }
-    # Of two that are named one rarely stands for the other: these come last.
+    # Two named effects rarely replace each other: such pairs come last.
     named = set(result["selected"])
     open_.sort(key=lambda pair: (frozenset(pair) not in same, set(pair) <= named))
     for first, second in open_:
@@ -313,10 +314,10 @@ def next_recording(result: Result) -> dict[str, Any] | None:
 
 
 def reason(row: Mapping[str, Any], result: Result) -> str:
-    """Why an effect is named, or is not, with the errors that decide it.
+    """Return why an effect is or is not named, with the errors that decide it.
 
     `row` is one of `candidates`: `heldout_nrmse` is the error with the effect alone,
-    `together` the best set of it and others.
+    `together` the best set with this effect and others.
     """
     name, error, together = row["effect"], row["heldout_nrmse"], row["together"]
     names, by = result["selected"], result["corrected_by"]
@@ -361,7 +362,7 @@ def reason(row: Mapping[str, Any], result: Result) -> str:
 
 
 def _why_named(name: str, result: Result) -> str:
-    """What the error is without an effect that is named."""
+    """Return the reason for a named effect: the error without it."""
     own = [e for e in result["explanations"] if e["effect"] == name]
     if not own:
         return "named"
@@ -377,7 +378,7 @@ def _why_named(name: str, result: Result) -> str:
 def _beside(
     name: str, together: Mapping[str, Any], result: Result
 ) -> tuple[str, float]:
-    """What an effect does beside others, or in the place of some; that error."""
+    """Return the words for an effect beside others or in place of some; its error."""
     by, new = set(result["corrected_by"]), set(together["effects"])
     error, after = together["heldout_nrmse"], result["fit"]["after"]["heldout_nrmse"]
     gone, more = sorted(by - new), sorted(new - by - {name})
@@ -397,7 +398,7 @@ def _listed(names: Sequence[str], but: str = "") -> str:
 
 
 def _evidence(result: Result) -> float:
-    """The largest log evidence of a single effect that is named."""
+    """Return the largest log evidence of a single effect that is named, nats."""
     named = result["selected"]
     return max(
         (r["evidence"] for r in result["candidates"] if r["effect"] in named),

@@ -1,4 +1,4 @@
-"""What diagnosis.json holds, in the units of the recordings.
+"""The content of diagnosis.json, in the units of the recordings.
 
 Figures come first and sentences last: `words` reads nothing but this file, and so does
 the report.
@@ -32,7 +32,7 @@ from softnn.recording import data_hash
 from softnn.report import where
 
 VERSION = 1
-PROGRAMME = 400  # samples of a strain programme that is advised
+PROGRAMME = 400  # samples of an advised strain programme
 
 
 def diagnosis(
@@ -43,11 +43,11 @@ def diagnosis(
     rng: np.random.Generator,
     whole: Case,
 ) -> dict[str, Any]:
-    """All of it but what the stretches of `untaught` add; `axes` say what counts as 1.
+    """Return diagnosis.json, without the stretches that `untaught` adds.
 
-    `case` is the part of the `whole` case that was diagnosed.
-
-    The scan for regions and the interval of the held-out error draw from `rng`.
+    `case` is the part of the `whole` case that was diagnosed. `axes` give the units.
+    `rng` draws the noise for the scan for regions and the bootstrap of the held-out
+    error.
     """
     decision, probable = told.decision, told.posterior
     before, after = decision.before, decision.after
@@ -123,7 +123,7 @@ def diagnosis(
 
 
 def _notes(case: Case) -> list[str]:
-    """What a reader must know of the input before believing the answer."""
+    """Return warnings about the input that limit the trust in the answer."""
     out = list(case.notes)
     if len(case.recordings) == 1:
         out.append("One recording: nothing can be checked on another.")
@@ -137,7 +137,7 @@ def _notes(case: Case) -> list[str]:
 
 
 def _recordings(case: Case, told: Judgement) -> list[dict[str, Any]]:
-    """Each recording as it was understood, with its error before and after."""
+    """Return each recording as it was read, with its error before and after."""
     engine, out = told.fine, []
     for i, r in enumerate(case.recordings):
         rows = engine.owner == i
@@ -156,7 +156,7 @@ def _recordings(case: Case, told: Judgement) -> list[dict[str, Any]]:
 
 
 def _heldout_by(told: Judgement) -> str:
-    """The unit that the fit does without in turn: specimen, recording or stretch."""
+    """Return the unit left out in turn: specimen, recording or stretch."""
     base = told.candidates[0]
     if isinstance(base, Candidate):
         return next(f.by for f in base.folds.every if f.by in SINGLE)
@@ -176,7 +176,7 @@ def _noise(told: Judgement, axes: Axes) -> dict[str, Any]:
 def _regions(
     told: Judgement, axes: Axes, rng: np.random.Generator
 ) -> list[dict[str, Any]]:
-    """Where named effects act beyond two sigma; else where noise does not explain."""
+    """Return regions: named effects beyond two sigma, else a misfit beyond noise."""
     engine = told.fine
     if told.names:
         moved = locate.action(engine, told.after)
@@ -190,7 +190,7 @@ def _regions(
 
 
 def _nrmse(told: Judgement, one: Fit, rows: NDArray[np.bool] | None = None) -> float:
-    """NRMSE of a fit, of all samples or of those in `rows` (valid,)."""
+    """Return the NRMSE of a fit, of all samples or of those in `rows` (valid,)."""
     rows = np.ones(len(told.fine.target), bool) if rows is None else rows
     target = told.fine.target[rows]
     return verify.nrmse_of((target - one.stress[rows]) ** 2, target**2)
@@ -210,7 +210,7 @@ def _errors(told: Judgement, one: Fit, heldout: verify.Heldout) -> dict[str, Any
 def _explanation(
     told: Judgement, axes: Axes, index: int, piece: Piece, change: Array
 ) -> dict[str, Any]:
-    """An effect named, with its parameters; `change` (valid,) of the stress is its."""
+    """Return a named effect with its parameters; `change` (valid,) is its stress."""
     law, engine, found = piece.effect, told.fine, told.after
     limits = verify.intervals(found)
     names, unknown = engine.data.names, (np.nan, np.nan)
@@ -252,17 +252,17 @@ def _explanation(
 
 
 def _where_on(piece: Piece, acts: NDArray[np.integer]) -> list[int]:
-    """Recordings that an effect is on in; of a law that all share, where it acts."""
+    """Return the recordings in which an effect is on, or where a shared law acts."""
     if piece.effect.amplitude in piece.effect.per_recording:
         return sorted(faults.on(piece))
     return [int(r) for r in np.unique(acts)]
 
 
 def _candidates(told: Judgement) -> list[dict[str, Any]]:
-    """The base and every effect tried, alone at its best, the likeliest first.
+    """Return the base and every effect tried, alone at its best, likeliest first.
 
-    `alone` is whether it was: the figures of an effect that was only tried beside
-    others are those of the base. `together` is the best set of it and others.
+    `alone`: whether it was tried alone; if not, its figures are those of the base.
+    `together`: the best set of this effect and others.
     """
     accounts, known = told.candidates, dict[int, float]()
 
@@ -295,7 +295,7 @@ def _candidates(told: Judgement) -> list[dict[str, Any]]:
 
 
 def _nearest(told: Judgement) -> dict[str, Any] | None:
-    """The likeliest effect that was fitted alone, and its share of the misfit."""
+    """Return the likeliest effect fitted alone, and its share of the misfit."""
     for name in told.posterior.effects:
         own = [a.fit.chi2 for a in told.candidates if a.effects == {name}]
         if own:
@@ -307,11 +307,11 @@ def _nearest(told: Judgement) -> dict[str, Any] | None:
 
 
 def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str, Any]:
-    """The strain programme on which two effects differ most.
+    """Return the strain programme on which two effects differ most.
 
-    Time in s and strain (n,) in the unit of the recordings. It goes to their largest
-    strain, in their directions, at their mean temperature. `differ` is the root mean
-    square difference of the two predictions over that of their mean.
+    It has time in s and strain (n,) in the unit of the recordings. It goes to their
+    largest strain, in their directions, at their mean temperature. `differ` is the root
+    mean square difference of the two predictions over that of their mean.
     """
     strain = np.concatenate([c.strain for c in told.engine.chunks])
     low, high = float(strain.min()), float(strain.max())
@@ -345,7 +345,7 @@ def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str,
 
 
 def _mean_degC(chunks: Sequence[Chunk]) -> float | None:
-    """The mean of all temperatures recorded; None without any."""
+    """Return the mean of all temperatures recorded; None if there are none."""
     known = [c.temperature_C for c in chunks if c.temperature_C is not None]
     values = np.concatenate(known) if known else np.array([])
     values = values[np.isfinite(values)]
@@ -353,7 +353,7 @@ def _mean_degC(chunks: Sequence[Chunk]) -> float | None:
 
 
 def _with(told: Judgement, name: str, names: Sequence[str]) -> Stored | None:
-    """The best model that has this effect and none of the others."""
+    """Return the best model that has this effect and none of the others."""
     others = set(names) - {name}
     own = [a for a in told.candidates if name in a.effects and not a.effects & others]
     if not own or told.base.fixed:
@@ -365,7 +365,7 @@ def _with(told: Judgement, name: str, names: Sequence[str]) -> Stored | None:
 
 
 def _differ(models: Sequence[Stored | None], chunk: Chunk) -> float:
-    """RMS difference of two predictions over that of their mean, 0 without two."""
+    """Return the RMS difference of two predictions over that of their mean, or 0."""
     stress = [m.stress(["the next"], [chunk], [None])[0] for m in models if m]
     if len(stress) < 2:
         return 0.0
@@ -374,7 +374,7 @@ def _differ(models: Sequence[Stored | None], chunk: Chunk) -> float:
 
 
 def _structure(learned: Learned, axes: Axes) -> dict[str, Any]:
-    """What was learned of what no effect explains, a period in the recordings' unit."""
+    """Return what the learned correction depends on; periods in recordings' units."""
     period, x = learned.period, axes.strain
     if period and period["axis"] == "strain":
         one = {"axis": x.name, "period": period["period"] * x.one, "unit": x.unit}

@@ -1,11 +1,11 @@
-"""Is a zero apart from the others, before anything has moved?
+"""Does the zero of some recordings differ from the others, before the strain moves?
 
-A specimen at rest that has seen no strain bears no stress, whatever it is made of, and
-what laws get wrong begins when it moves. So that is asked of what is read at rest
-alone, and of every hypothesis. Zeros differ by a spread that is half-Cauchy (Gelman
-2006, doi:10.1214/06-BA117A), of the scale that a machine of class 2 may be off by (ISO
-7500-1); or so and some are apart, by a size of their own. All of it is summed over.
-What all recordings have alike is a preload, and no news.
+A specimen at rest that has seen no strain bears no stress, whatever its material, and
+errors of laws begin when it moves. So only samples at rest are judged, before any model
+is fitted. Zeros differ by a half-Cauchy spread (Gelman 2006, doi:10.1214/06-BA117A)
+with the error of a machine of class 2 as its scale (ISO 7500-1). Or some recordings
+have an offset of their own size besides. All cases are summed. An offset that all
+recordings share is a preload and no fault.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from softnn.mismatch.evidence import MISTAKE
 from softnn.mismatch.faults import Fault, on
 from softnn.mismatch.specimens import UNSAID, picked
 
-SPREADS = 2.0 ** np.arange(8)  # of zeros, over `ZEROS`: less is no news
+SPREADS = 2.0 ** np.arange(8)  # spread of zeros, relative to `ZEROS`
 
 
 def at_rest(engine: Engine) -> list[Fault]:
-    """The zeros that stand apart from the others, if any do."""
+    """Return the recordings whose zero differs from the others, as a fault, if any."""
     seen = shown(engine, [law for law in EFFECTS if law.unmoved])
     return [Fault(piece, likely(engine, piece)) for piece in seen[:1]]
 
 
 def likely(engine: Engine, piece: Piece) -> float:
-    """Probability that the zeros in which a piece is on are apart from the others."""
+    """Return the probability that recordings of a piece have an offset of their own."""
     data = (engine.fine or engine).data
     every = list(zip(data.chunks, data.stress_MPa, strict=True))
     read = np.array([stress_at_rest(chunk, s) for chunk, s in every])
@@ -55,7 +55,7 @@ def likely(engine: Engine, piece: Piece) -> float:
 
 
 def _apart(values: Array, variance: Array) -> float:
-    """Log density (to a constant) of normal values (n,) about a mean that is free."""
+    """Return the log density (to a constant) of normal values (n,) with a free mean."""
     weight = 1 / variance
     middle = weight @ values / weight.sum()
     size = np.log(variance).sum() + np.log(weight.sum())

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 # Read when torch is loaded. Threads that wait by spinning, the default, make training
 # ten times slower as soon as anything else runs on the same cores.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-# Rounding that depends on where in memory a matrix begins would make a training another
-# in other company; this costs nothing measurable.
+# Without this, rounding depends on the memory address of a matrix, and a network on the
+# other networks in its batch. It costs nothing measurable.
 os.environ.setdefault("MKL_CBWR", "AVX2,STRICT")
 
 from softnn.neural.fitting import fit_samples, run

@@ -1,9 +1,9 @@
 r"""A network whose units are springs and Maxwell branches: it holds at unseen rates.
 
-A network of free tanh units says anything beyond its training; here what a unit can say
-is bounded by physics, and the fit has one minimum. Units and their history are fixed by
-the recordings' strain and time; stiffnesses are non-negative least squares. After Linka
-and Kuhl (2023, doi:10.1016/j.cma.2022.115731) and, with branches, Abdolazizi, Linka and
+A network of free tanh units answers anything beyond its training. Here physics limits
+each unit, and the fit has one minimum. The strain and time of the recordings fix the
+units and their history; the stiffnesses are non-negative least squares. After Linka and
+Kuhl (2023, doi:10.1016/j.cma.2022.115731) and, with branches, Abdolazizi, Linka and
 Cyron (2024, doi:10.1016/j.jcp.2023.112704).
 """
 
@@ -25,7 +25,7 @@ SPRINGS = 12  # that engage one after the other, at quantiles of the strain
 LIMITS = (0.3, 0.1, 0.03)  # of the largest strain, at which a branch's strain saturates
 SHORTEST, LONGEST = 1 / 30, 3.0  # relaxation times, by the shortest and longest history
 SMOOTH = 1e-4  # weight of the squared stiffnesses of springs, columns of unit size
-# Ways to take part, all of which are fitted; `softnn.study.holding` weighs them.
+# All ways to use measures, holds and decays are fitted; `study.holding` weighs them.
 MEASURES = ("straight", "saturating")  # strain of the branches
 HOLDS = ("without holds", "holds lightly", "with holds", "shape of holds")
 DECAYS = {"light": 1e-3, "heavy": 1e-1}  # weights of the branches' squared stiffnesses
@@ -71,7 +71,7 @@ class ConvexNetwork(Network):
 
 
 def units(strain: Array, time_s: Array, table: Array) -> Array:
-    """What units (s, 3) of a `ConvexNetwork` say (n, s) to a history (n,)."""
+    """Return the outputs (n, s) of units (s, 3) of a `ConvexNetwork` for a history."""
     knot, limit, time = np.asarray(table, float).T
     away = strain[:, None] - knot
     engaged = np.where(knot > 0, np.maximum(away, 0), np.minimum(away, 0))
@@ -124,7 +124,7 @@ def mixed(
     weights: Mapping[str, float],
     seen: Iterable[Recording],
 ) -> ConvexNetwork:
-    """The weighted mean of networks, which is one too."""
+    """Return the weighted mean of networks, which is a network of the same kind."""
     some = [(members[name], weight) for name, weight in weights.items() if weight]
     table = np.concatenate([one.hidden for one, _ in some])
     return network(
@@ -135,7 +135,7 @@ def mixed(
 def fitted(
     curves: Sequence[Recording], holds: Sequence[Recording] = ()
 ) -> dict[str, ConvexNetwork]:
-    """A network fitted in each of `WAYS`, by name.
+    """Return a network fitted in each of `WAYS`, by name.
 
     The fit minimises the squared NRMSE of all samples of `curves` and that of the
     holds. A hold counts by its stress, or by its shape alone: the stress over the
@@ -170,7 +170,7 @@ def fitted(
 
 
 class _Task:
-    """The least squares of `fitted`; those of one way to take holds share the sums."""
+    """The least squares of `fitted`; all ways with the same holds share the sums."""
 
     def __init__(
         self,
@@ -202,7 +202,7 @@ class _Task:
         return np.asarray(np.linalg.qr(np.vstack(rows), mode="r"))
 
     def solved(self, measure: str, how: str, decay: float) -> Array:
-        """Stiffnesses (s,): of springs free, of branches not below zero."""
+        """Return stiffnesses (s,); those of branches are not below zero."""
         straight = (self.table[:, 2] == 0) | (self.table[:, 1] == 0)
         used = np.flatnonzero(straight | (measure != MEASURES[0]))
         rows, m = self.holds[how], self.springs
@@ -223,16 +223,16 @@ class _Task:
 
 
 def _said(recording: Recording, table: Array) -> Array:
-    """What units say, and last the stress (n, s + 1)."""
+    """Return the outputs of the units, and last the stress (n, s + 1)."""
     said = units(recording.strain, recording.time_s, table)
     return np.column_stack([said, recording.stress_MPa])
 
 
 def _shape(rows: Array, hold: Recording) -> Array:
-    """Rows of a hold such that stress over its start is asked for, whatever the scale.
+    """Return rows (n, s) of a hold that ask for its shape, whatever its scale.
 
     r is the measured stress over the measured stress at the start. The stress of the
-    units less r times their stress at the start is to be 0.
+    units less r times their stress at the start should be 0.
     """
     size = np.abs(hold.strain)
     start = int(np.argmax(size >= REACHED * np.median(size[len(size) // 2 :]))) + 1

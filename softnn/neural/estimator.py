@@ -22,10 +22,13 @@ from softnn.recording import Recording
 class StressNetwork(BaseEstimator):
     """A network from recordings, for stress of others; X is a list of `Recording`.
 
-    inputs: an architecture of `softnn.neural.ARCHITECTURES`; neurons: 1 or more;
-    regularisation: bayesian, early-stopping or l2=WEIGHT; lag_s: of past inputs [s],
-    one sample by default; seed: of the starting weights; device: cpu, cuda or auto.
-    `stored_` is the network trained, ready for JSON by `.source`. Bad parameters raise
+    - `inputs`: an architecture of `softnn.neural.ARCHITECTURES`.
+    - `neurons`: 1 or more.
+    - `regularisation`: bayesian, early-stopping or l2=WEIGHT.
+    - `lag_s`: lag of past inputs [s], one sample by default.
+    - `seed`: of the starting weights. `device`: cpu, cuda or auto.
+
+    `stored_` is the trained network, ready for JSON by `.source`. Bad parameters raise
     `InputError` in `fit`.
 
     >>> from sklearn.base import clone

@@ -31,10 +31,10 @@ def fit_samples(
     device: str = "cpu",
     threads: int | None = None,
 ) -> list[Trained]:
-    """Networks on rows of samples; see `train`.
+    """Return networks trained on rows of samples; see `train`.
 
-    Units that are not tanh have one start, and are trained on the CPU whatever the
-    device: theirs are steps too small for another.
+    Units that are not tanh have one start and train on the CPU: their steps are too
+    small for another device.
     """
     row = architecture_of(architecture)
     if row.convex:
@@ -83,15 +83,15 @@ def run(
     recordings: Sequence[Recording],
     lag_s: float | None = None,
 ) -> list[Array]:
-    """Stress (n,) of each recording, MPa, from its strain and time alone.
+    """Return the stress (n,) of each recording, MPa, from its strain and time alone.
 
-    A network that is fed its stress back gets its own, from zero on; nan where strain
-    is missing (and after it, where there is feedback or a memory).
+    A network with feedback gets its own stress, from zero on. The result is NaN where
+    strain is missing, and after that if the network has feedback or a memory.
     """
     rows = [columns(r, architecture, lag_s) for r in recordings]
     if not architecture_of(architecture).feedback:
         return [network.predict(x) for x in rows]
-    # All recordings step side by side; a recording that has ended repeats its last.
+    # All recordings step side by side; a recording that has ended repeats its last row.
     most = max(map(len, rows))
     inputs = np.stack([x[np.minimum(np.arange(most), len(x) - 1)] for x in rows])
     stress = np.zeros((len(rows), most + 1))  # the first column is before the start

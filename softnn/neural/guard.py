@@ -1,7 +1,7 @@
-"""What a network has been shown, and what it is asked beyond that.
+"""The training range of a network, and flags for inputs outside it.
 
-A network answers anything; outside its training the answer means nothing. Three things
-are told apart, sample by sample: strain, rate, and the direction of straining.
+A network answers any input; outside its training range the answer means nothing. Each
+sample is checked for three things: strain, rate, and the direction of straining.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from softnn.recording import Recording
 
 STRAIN, RATE, DIRECTION = 1, 2, 4  # bits of a flag; the exports use the same
 WORDS = {STRAIN: "strain", RATE: "rate", DIRECTION: "direction"}
-SLACK = 0.01  # of a range, by which an input may lie beside it
-COMMON = 0.005  # share of rates at either end that noise of a recorded strain makes
+SLACK = 0.01  # of a range; an input may lie so far outside
+COMMON = 0.005  # share of the rates at either end that may be noise of the strain
 
 
 @dataclass(frozen=True)
 class Seen:
-    """Ranges (low, high) of strain and, where it is known, of strain rate [1/s].
+    """Ranges (low, high) of strain and, if known, of strain rate [1/s] in training.
 
-    `rates` are the ranges of single recordings, between which nothing was shown; None
-    where they are not known.
+    `rates` are the ranges of single recordings, without training between them; None if
+    they are unknown.
     """
 
     strain: tuple[float, float]
@@ -37,7 +37,7 @@ class Seen:
 
     @classmethod
     def of(cls, recordings: Sequence[Recording], lag_s: float | None = None) -> Seen:
-        """What recordings show: rates nominal for tensile tests, else differences."""
+        """Return the ranges of recordings; tensile tests have their nominal rates."""
         own = []
         for r in recordings:
             rate = strain_rate(r, lag_s)
@@ -74,7 +74,7 @@ class Seen:
 
     @classmethod
     def from_dict(cls, given: Any) -> Seen:
-        """Ranges of a file; `InputError` where they are none."""
+        """Return the ranges of a file. Raises `InputError` if it has none."""
         try:
             rate, own = given["rate_per_s"], given.get("rates")
             pairs = [given["strain"], *([] if rate is None else [rate]), *(own or [])]
@@ -93,7 +93,7 @@ def _beyond(values: Array, low: float, high: float) -> NDArray[np.bool]:
 
 
 def counted(flags: NDArray[np.uint8]) -> Mapping[str, int]:
-    """How many samples are outside, in all and by what.
+    """Return how many samples are outside, in all and by kind.
 
     >>> counted(np.array([0, 3, 4, 4], np.uint8))
     {'samples': 4, 'outside': 3, 'strain': 1, 'rate': 1, 'direction': 2}

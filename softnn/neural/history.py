@@ -1,4 +1,4 @@
-"""What a network may know of the past: largest strain, filtered strain, own stress."""
+"""The past as input of a network: largest strain, filtered strain, own stress."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from softnn.recording import Recording
 
 
 def largest(recording: Recording) -> Array:
-    """The largest size of strain so far (n,); missing strains are passed over."""
+    """Return the largest size of strain so far (n,); missing strains are skipped."""
     size = np.nan_to_num(np.abs(recording.strain), nan=0.0)
     return np.maximum.accumulate(size)
 
@@ -32,7 +32,7 @@ def filtered(recording: Recording, time_s: float) -> Array:
     strain = recording.strain[known][index]
     step = np.diff(time)
     decay = np.exp(-step / time_s)
-    # What a ramp over the step leaves behind, as a share of its rise.
+    # Response to a ramp over the step, as a share of its rise.
     behind = -np.expm1(-step / time_s) * time_s / step
     value, out = 0.0, [0.0] * len(time)
     seen = strain.tolist()  # plain numbers: ten times faster than those of NumPy
@@ -46,11 +46,11 @@ def filtered(recording: Recording, time_s: float) -> Array:
 
 
 def earlier(recording: Recording, lag_s: float | None) -> tuple[np.ndarray, Array]:
-    """Where the stress of a lag ago is found: an index (n,) and a weight (n,).
+    """Return where the stress of a lag ago is: an index (n,) and a weight (n,).
 
-    It is `weight` of the way from sample `index` to the next one; an index of -1 is
-    before the recording, where there is no stress. Never later than one sample ago, so
-    that it is known when the stress of a sample is asked for.
+    It lies `weight` of the way from sample `index` to the next one. An index of -1 is
+    before the recording, where there is no stress. It is one sample ago or earlier, so
+    it is known when the stress of a sample is computed.
     """
     count = len(recording)
     last = np.arange(count) - 1
@@ -67,7 +67,7 @@ def earlier(recording: Recording, lag_s: float | None) -> tuple[np.ndarray, Arra
 
 
 def at_lag(stress: Array, index: np.ndarray, weight: Array) -> Array:
-    """Stress (n,) a lag ago, by index and weight of `earlier`; 0 before the start."""
+    """Return the stress (n,) a lag ago, by index and weight of `earlier`."""
     padded = np.concatenate([[0.0], stress])
     before, after = padded[index + 1], padded[np.minimum(index + 2, len(stress))]
     return np.where(weight > 0, (1 - weight) * before + weight * after, before)

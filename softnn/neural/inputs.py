@@ -1,4 +1,4 @@
-"""Input architectures: those of the thesis (Table 6.3), and what it left to others."""
+"""Input architectures: those of the thesis (Table 6.3), and those it suggests."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from softnn.recording import Recording
 
 @dataclass(frozen=True)
 class Architecture:
-    """What stands in a row of inputs, in this order.
+    """The inputs of a network, in the order in which they stand in a row.
 
-    Strain at each of `lags` (in units of the lag time), the strain rate, the largest
-    strain so far, strain behind filters of `filters` lag times, strain of the springs
-    of Maxwell branches of `branches` lag times, the stress of a lag ago. `radial`:
-    Gaussian units in place of tanh; `recurrent`: gated ones, which go from sample to
-    sample; `bounded`: see `BoundedNetwork`; `convex`: see `ConvexNetwork`, whose units
-    need the time beside the strain.
+    They are: strain at each of `lags` (in units of the lag time), the strain rate, the
+    largest strain so far, strain behind filters of `filters` lag times, strain of the
+    springs of Maxwell branches of `branches` lag times, the stress of one lag ago.
+
+    `radial`: Gaussian units in place of tanh. `recurrent`: gated units, which run from
+    sample to sample. `bounded`: see `BoundedNetwork`. `convex`: see `ConvexNetwork`,
+    whose units need the time beside the strain.
     """
 
     lags: tuple[int, ...]
@@ -60,12 +61,12 @@ class Architecture:
 
     @property
     def lagged(self) -> bool:
-        """Whether the lag time matters whatever the recording."""
+        """Whether the lag time matters for every recording."""
         return len(self.lags) > 1 or bool(self.filters + self.branches) or self.feedback
 
     @property
     def network(self) -> type[Network]:
-        """What a network of these inputs is."""
+        """The class of a network with these inputs."""
         if self.radial:
             return RadialNetwork
         if self.recurrent:
@@ -99,11 +100,11 @@ FILTER_S = 1.0  # shortest filter where no lag is given: tests last 5 s to minut
 
 @dataclass(frozen=True)
 class Samples:
-    """A training set: inputs (n, d), target stress (n,) in MPa, and whose they are.
+    """A training set: inputs (n, d), target stress (n,) in MPa, and their recordings.
 
     `recording` (n,) is an index into the recordings, `position` (n,) one into the
-    samples of that recording; `names` (d,) are the columns. `lag_s` is the lag time,
-    or None where each recording's own step was used.
+    samples of that recording; `names` (d,) are the columns. `lag_s` is the lag time, or
+    None if each recording's own step was used.
     """
 
     inputs: Array
@@ -127,14 +128,14 @@ def samples(
     architecture: str = "FFRD4",
     lag_s: float | None = None,
 ) -> Samples:
-    """Inputs and targets of every sample that has both strain and stress.
+    """Return inputs and targets of every sample that has both strain and stress.
 
-    The thesis counts lags in samples, so that one network means different things at
-    different sampling; here a lag is a time, `lag_s` [s], one sampling step of the
-    recording by default (filters: `FILTER_S`). The strain rate [1/s] is the nominal
-    one for a tensile test (the thesis's choice) and the backward difference over one
-    lag otherwise; before the first sample the specimen is at rest. Stress fed back is
-    the measured one, as a load cell would give it.
+    The thesis counts lags in samples, so one network means different things at
+    different sampling. Here a lag is a time, `lag_s` [s]: one sampling step of the
+    recording by default (filters: `FILTER_S`). The strain rate [1/s] of a tensile test
+    is the nominal one, as in the thesis; otherwise it is the backward difference over
+    one lag. Before the first sample the specimen is at rest. Stress fed back is the
+    measured stress, as a load cell would give it.
     """
     row = architecture_of(architecture)
     if lag_s is not None and not (np.isfinite(lag_s) and lag_s > 0):
@@ -163,7 +164,7 @@ def samples(
 
 
 def architecture_of(name: str) -> Architecture:
-    """The architecture of a name; `InputError` for any other."""
+    """Return the architecture of a name. Raises `InputError` for an unknown name."""
     every = ARCHITECTURES | HISTORIES
     if name not in every:
         raise InputError(f"architecture is {name!r}; allowed is {', '.join(every)}")
@@ -173,7 +174,7 @@ def architecture_of(name: str) -> Architecture:
 def columns(
     recording: Recording, architecture: str, lag_s: float | None = None
 ) -> Array:
-    """Inputs (n, d) that follow from the strain alone: all but a stress fed back."""
+    """Return the inputs (n, d) that follow from the strain: all but fed-back stress."""
     row = architecture_of(architecture)
     found = [_lagged(recording, lag, lag_s) for lag in row.lags]
     if row.rate:

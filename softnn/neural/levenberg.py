@@ -8,9 +8,9 @@ Gauss-Newton form of Foresee and Hagan (1997, doi:10.1109/ICNN.1997.614194):
 .. math:: \gamma = P - \alpha\, \mathrm{tr}(\beta J^T J + \alpha I)^{-1}, \quad
           \alpha = \gamma / 2 E_W, \quad \beta = (N - \gamma) / 2 E_D .
 
-The defaults (mu 0.005, x0.1 and x10, mu_max 1e10, gradient 1e-7, 1000 epochs) are
-those of MATLAB's `trainbr`, to which two things are added: steps use the exact
-Hessian (gamma keeps the Gauss-Newton form), and training may stop when `settled`.
+The defaults are those of MATLAB's `trainbr`: mu 0.005, x0.1 and x10, mu_max 1e10,
+gradient 1e-7, 1000 epochs. There are two additions. Steps use the exact Hessian (gamma
+keeps the Gauss-Newton form), and training may stop when `settled`.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ SINGULAR = 1e-12  # of the largest element, by which a singular matrix is moved 
 
 
 def device_of(name: str) -> str:
-    """What torch calls a device: auto is a GPU where there is one that can be used.
+    """Return torch's name of a device; auto is a GPU if a usable one is found.
 
-    Raises `InputError` for what is not here. Others than CUDA have no float64.
+    Raises `InputError` for a device that is not here. Only CUDA has float64.
     """
     able = torch.cuda.is_available()
     if name == "auto":

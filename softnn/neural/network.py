@@ -1,4 +1,4 @@
-"""A trained network: numbers in, stress out. NumPy only, so that it runs anywhere."""
+"""A trained network: numbers in, stress out. It needs NumPy alone."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from softnn.neural.levenberg import DEFAULTS, Result, Settings, device_of, minim
 from softnn.neural.network import Network, Scaling
 from softnn.neural.rows import Rows, nguyen_widrow, normalised, stacked, summary
 
-# Rows taken at once, the same in any company, so that sums are rounded alike.
+# Rows taken at once, the same in any batch, so that sums are rounded alike.
 ROWS = 1024
 HELD = 2**27  # Jacobian entries held at once by a device, whose rounding is its own
 VALIDATION_SHARE = 0.15  # of the training set, with early stopping
@@ -30,7 +30,7 @@ VALIDATION_SHARE = 0.15  # of the training set, with early stopping
 
 @dataclass(frozen=True)
 class Regularisation:
-    """How overfitting is held off: `bayesian`, `early-stopping`, or `l2` of a weight.
+    """The way to limit overfitting: `bayesian`, `early-stopping`, or `l2` of a weight.
 
     With `l2` the cost is mean squared error + weight x sum of squared parameters, in
     normalised units.
@@ -90,12 +90,12 @@ class Trained:
 class _Tanh:
     """Networks of one tanh layer as the least-squares problems of `levenberg`.
 
-    x (B, m, d + 1) with a last column of ones, y and weight (B, m): a row counts
-    `weight` times, and not at all where that is 0. `within` (B,) is a sum of squared
-    errors that no network changes. A parameter row is W_1 column by column, b_1, w_2,
-    b_2. A network with fewer neurons than the widest has zeros there, which stay zero.
-    `slack` (B, m): 1 or -1 where y is no more than a bound, below or above which any
-    answer does, since what hangs loose is held at zero after; 0 elsewhere.
+    x is (B, m, d + 1) with a last column of ones, y and weight are (B, m). A row counts
+    `weight` times. `within` (B,) is a sum of squared errors that no network changes. A
+    parameter row is W_1 column by column, b_1, w_2, b_2. A network with fewer neurons
+    than the widest has zeros there, which stay zero. `slack` (B, m) is 1 or -1 where y
+    is only a bound: any answer below or above is right, since a slack strip is held at
+    zero afterwards. It is 0 elsewhere.
     """
 
     def __init__(
@@ -212,10 +212,9 @@ def train(
     inputs (n, d), target (n,), neurons (B,), train_mask (B, n) of bool, seeds (B,).
     Normalisation is that of the training samples alone. With `starts` above 1 the best
     of that many starts, by log evidence on the summary of the samples, is trained on.
-    On a CPU the same seed gives the same network, whatever else is in the batch; on
-    another `device` (see `device_of`) rounding is its own.
-    `threads` at work, one a core by default; where processes share the cores one is
-    best.
+    On a CPU the same seed gives the same network, alone or in a batch. On another
+    `device` (see `device_of`) rounding differs. `threads`: one a core by default; take
+    one where processes share the cores.
     """
     inputs, target = np.asarray(inputs, float), np.asarray(target, float)
     _check(inputs, target, neurons, train_mask, seeds, starts)
@@ -250,7 +249,7 @@ def train(
 
 @dataclass(frozen=True)
 class _Job:
-    """One network to be: the data (shared), its training rows, its size, its seed."""
+    """A network to be trained: shared data, its training rows, its size, its seed."""
 
     inputs: Array
     target: Array
@@ -307,7 +306,7 @@ def _train_batch(
 
     def fit(sets: list[Rows], start: Tensor, how: Settings, repeats: int = 1) -> Result:
         task = problem(sets, repeats)
-        if checks is not None:  # in the early part too, or it would overfit unseen
+        if checks is not None:  # also early on, or it would overfit unnoticed
             task.held_out = problem(checks, repeats)
         decay: Tensor | float = 0.0
         if regularisation.kind == "l2":
@@ -331,7 +330,7 @@ def _train_batch(
     whole = scaled(rows)
     fewer = [summary(one, rng) for one, rng in zip(whole, rngs, strict=True)]
     if starts > 1 or any(few is not one for few, one in zip(fewer, whole, strict=True)):
-        # Most of the way is gone on far fewer rows, at a fraction of the cost.
+        # Most of the training uses far fewer rows, at a fraction of the cost.
         early = fit(fewer, start, settings, starts)
         pick = early.evidence.reshape(-1, starts).nan_to_num(nan=-torch.inf).argmax(1)
         first = torch.arange(len(jobs), device=device) * starts

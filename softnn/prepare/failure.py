@@ -11,14 +11,14 @@ from softnn.recording import Recording
 
 
 def cut_failure(recording: Recording, drop: float = 0.2) -> Recording:
-    r"""Leave out what follows failure.
+    r"""Return the recording without the samples after failure.
 
-    Failure is where |stress|, after its peak, falls for good by more than the fraction
-    `drop` of the peak while the strain goes on, or at rest within 1 % of the time so
-    far (a snap, or a machine that stops). A fall while the strain returns
-    is unloading, a slow fall at rest is relaxation: neither is cut. The last sample
-    kept is the last one above ``1 - drop / 4`` of the peak, so that neither noise on a
-    plateau nor a sample caught in mid-fall moves it.
+    Failure: after its peak |stress| falls by more than the fraction `drop` of the peak
+    and does not return, while the strain goes on. At rest the fall must take less than
+    1 % of the time so far (a snap, or a machine that stops). A fall while the strain
+    returns is unloading, and a slow fall at rest is relaxation; neither is cut. The
+    last sample kept is the last one above ``1 - drop / 4`` of the peak, so neither
+    noise on a plateau nor a sample in mid-fall moves it.
     """
     if not 0 < drop < 1:
         raise InputError(f"drop is {drop}; allowed is a fraction between 0 and 1")

@@ -36,13 +36,13 @@ class Segment:
 def segments(
     recording: Recording, reversal: float = 0.05, dwell: float = 0.15
 ) -> list[Segment]:
-    """Loading, unloading and holds of a recording, in order and without gaps.
+    """Return loading, unloading and holds of a recording, in order and without gaps.
 
-    The strain is read in steps of 0.5 % of its range (more where it is noisy), so
-    that noise, a coarse sensor and small overshoots do not count. It turns where it
-    returns by the fraction `reversal` of its range. It is held where it stays within
-    a fifth of a step for longer than it usually takes to cross the fraction `dwell` of
-    its range; three such steps or more in one direction are a slow ramp, not holds.
+    The strain is read in steps of 0.5 % of its range (more if it is noisy), so noise, a
+    coarse sensor and small overshoots do not count. The strain turns where it returns
+    by the fraction `reversal` of its range. It is held where it stays within a fifth of
+    a step for long: longer than the usual time for the fraction `dwell` of its range.
+    Three such steps or more in one direction are a slow ramp, not holds.
 
     >>> t = np.arange(0, 4.01, 0.01)
     >>> strain = np.interp(t, [0, 1, 2, 3, 4], [0, 0.5, 0.5, 0, 0.5])

@@ -19,14 +19,14 @@ def smooth(
     guard: float = 1.5,
     window_s: float = 1.0,
 ) -> Recording:
-    """Savitzky-Golay over the samples of `window_s`, for noisy recordings (step 6).
+    """Smooth a noisy recording: Savitzky-Golay over `window_s` (step 6 of the thesis).
 
-    Noisy is a recording with `peak_to_peak` above zero in the first `portion` of its
-    samples, as the thesis has it; others stay. Its second may flatten the curve itself
-    of a fast test (0.25 of strain at 500 mm/min on 33 mm), so the window
-    is halved until what it takes away is noise: nowhere more than `guard` times the
-    noise of the recording, root mean square over a window. ``guard=inf`` leaves the
-    thesis's rule alone. Nothing is done where no window holds the polynomial.
+    A recording is noisy if `peak_to_peak` is above zero in the first `portion` of its
+    samples, as in the thesis; others stay. The thesis's window of one second may
+    flatten a fast test (0.25 of strain at 500 mm/min on 33 mm). So the window is halved
+    until it removes noise alone: nowhere more than `guard` times the noise of the
+    recording, root mean square over a window. ``guard=inf`` keeps the thesis's rule.
+    Nothing is done if no window holds the polynomial.
     """
     y = recording.stress_MPa
     level = peak_to_peak(y[: max(int(portion * len(y)), 3)])
@@ -142,9 +142,9 @@ def white_noise(values: Array) -> float:
 
 
 def noise_of(recording: Recording) -> float:
-    """White noise of the stress [MPa] as it was before smoothing took the fast part.
+    """Return the white noise of the stress [MPa] before smoothing.
 
-    What is slower than the window is still there: a fit has to reckon with it.
+    Noise slower than the window remains in the recording.
     """
     for step in reversed(recording.log):
         if "noise_MPa" in step.arguments:

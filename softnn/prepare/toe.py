@@ -19,19 +19,19 @@ def compensate_toe(
     share: float = 0.9,
     loose: float = 0.3,
 ) -> Recording:
-    r"""Zero strain where the first straight part meets zero load (ASTM D638, annex).
+    r"""Return the recording with zero strain at the foot of its straight part.
 
-    A chord spans a rise of the load by `rise` of its peak (more where noise would blur
-    it), and its slope is fitted. The straight part begins with the first chord whose
-    slope reaches `share` of the steepest one below `within` of the peak. Its line is
-    drawn to zero load: strain is counted from there, what lies before is left out and
-    what lies between is put on the line, as the standard does.
+    This follows the annex of ASTM D638. A chord spans a rise of the load by `rise` of
+    its peak (more if noise would blur it), and its slope is fitted. The straight part
+    begins with the first chord whose slope reaches `share` of the steepest one below
+    `within` of the peak. Its line is drawn to zero load, and strain is counted from
+    there. Earlier samples are left out; samples in between are put on the line.
 
-    Nothing is shifted where there is no toe:
+    Nothing is shifted if there is no toe:
 
     - the first chord is as steep as any (a rubber that softens from the start);
-    - the load before the line meets zero is, on the mean, more than `loose` of what
-      the line would give (slack carries next to nothing: this is the material);
+    - the load before the foot of the line is the material's: on the mean it is more
+      than `loose` of the line (slack carries next to nothing);
     - the slope still grows at `within` (no straight part to extend);
     - the line meets zero load before the first sample (a preload is not a toe), or
       no further from it than noise may carry it.

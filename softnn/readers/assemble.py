@@ -1,8 +1,8 @@
 """One table of a file -> one Recording: columns chosen, units converted, gaps named.
 
-What decides, in this order: options of the user, the dialect's rules, the columns'
-names and units, the header. Nothing is assumed silently: each choice is written into
-the recording's log, and what is missing is an error that names the option.
+In this order these decide: options of the user, rules of the dialect, names and units
+of the columns, the header. Nothing is assumed silently: each choice is written into the
+recording's log, and a missing value is an error that names the option.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ DIFFERS = 0.02  # of the range, by which two columns say different things
 
 
 class Chosen:
-    """Columns of one table by what they are; what was used collects as it goes."""
+    """Columns of one table by their quantity; keeps a list of those that were used."""
 
     def __init__(
         self,

@@ -1,8 +1,8 @@
 """Any delimited text or worksheet: delimiter, decimal mark, encoding, names, units.
 
-The last resort of the list: it takes every table whose columns name a quantity, in
-English, German, French, Spanish, Italian, Chinese or Japanese, with a unit in the name
-or in a row below it.
+This reader comes last. It takes every table whose columns name a quantity with a unit,
+in the name or in a row below it. The names may be English, German, French, Spanish,
+Italian, Chinese or Japanese.
 """
 
 from __future__ import annotations

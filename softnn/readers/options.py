@@ -10,16 +10,17 @@ from softnn.recording import Geometry
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What a file does not say, or says wrongly. None and "" leave it to the file.
+    """Information that a file lacks or has wrong. None and "" leave it to the file.
 
-    Geometry in mm and mm2, `rate_per_s` the nominal strain rate [1/s]; without a time
-    column it gives the time too, from strain, as `interval_s` [s] between samples
-    does, which also replaces a faulty clock. `time` ... `temperature` name the column
-    to use; `units` gives units by column name, `{"Force": "kN"}`. `compression`: the
-    file counts compression positive. `flip`: "strain" or "stress", the one whose sign
-    the file has reversed. `zero`: strain and displacement count from where
-    the recording starts. `skip_bad_cells`: cells that are no numbers are
-    missing values.
+    Geometry is in mm and mm2. `rate_per_s` is the nominal strain rate [1/s]; without a
+    time column it gives the time too, from strain. `interval_s` [s] between samples
+    gives the time as well, and also replaces a faulty clock.
+
+    `time` ... `temperature` name the column to use; `units` gives units by column name,
+    `{"Force": "kN"}`. `compression`: the file counts compression positive. `flip`:
+    "strain" or "stress", if the file has its sign reversed. `zero`: count strain and
+    displacement from the start of the recording. `skip_bad_cells`: cells that are no
+    numbers are missing values.
     """
 
     length_mm: float | None = None

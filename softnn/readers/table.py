@@ -22,9 +22,8 @@ from softnn.readers.vocabulary import WHICH, WHOSE, plain, rank
 class Table:
     """One block of numbers. `lines[i]` is the file's line of row i, from 1.
 
-    `bad` says of lines that fit no column why; `short` holds rows that lack cells at
-    their end, with how many they have: whether that matters is known once the columns
-    are chosen.
+    `bad` says why lines fit no column. `short` holds rows that lack cells at their end,
+    with the number of cells they have; the chosen columns decide whether that matters.
     """
 
     file: Path

@@ -1,7 +1,7 @@
 """Tidy CSV: `time_s,strain,stress_MPa[,temperature_C,force_N,elongation_mm]`.
 
-Of a component, of no known geometry, `time_s,elongation_mm,force_N` alone, or
-`time_s,deflection_deg,torque_Nm`: it is told of in these units (`softnn.axes`).
+A component of unknown geometry has `time_s,elongation_mm,force_N` alone, or
+`time_s,deflection_deg,torque_Nm`; results are in these units (`softnn.axes`).
 
 A folder of them may hold an `index.csv` with a row a recording (`file`, and any of
 `material`, `test`, `rate_per_s`, `specimen`).
@@ -141,9 +141,9 @@ def write_index(folder: Path, recordings: Mapping[str, Recording]) -> None:
 
 
 def write_table(path: Path, columns: Mapping[str, Any]) -> None:
-    """Write columns as CSV: time so that it reads back exactly, the rest in 9 digits.
+    """Write columns as CSV: time reads back exactly, the rest has 9 digits.
 
-    The file is whole or not there. Raises `InputError` where it cannot be written.
+    The file is complete or absent. Raises `InputError` if it cannot be written.
     """
     frame = pd.DataFrame(columns)
     # Nine digits are below the noise of any machine, but not of a clock: seconds since

@@ -1,7 +1,7 @@
 """A diagnosis as one HTML page that opens with no server and no network.
 
-`page` says what stands on it, out of diagnosis.json alone; `where` puts regions into
-words, `phrases` numbers and names, `picture` packs the curves; `report.html`,
+`page` makes its content from diagnosis.json alone. `where` puts regions into words,
+`phrases` numbers and names, and `picture` packs the curves. `report.html`,
 `index.html`, `style.css` and `picture.js` are its looks.
 """
 
@@ -24,7 +24,7 @@ __all__ = ["Found", "write_index", "write_report"]
 
 
 def write_report(found: Found, folder: str | Path) -> list[Path]:
-    """Write report.html of a diagnosis into `folder`; the files written."""
+    """Write report.html of a diagnosis into `folder`; return the files written."""
     from softnn.report.picture import library, pack, recordings
 
     text = (
@@ -41,9 +41,10 @@ def write_report(found: Found, folder: str | Path) -> list[Path]:
 
 
 def write_index(rows: Sequence[Mapping[str, Any]], folder: str | Path) -> Path:
-    """Write index.html, a row a case: `case`, and `result` or `error`; the page.
+    """Write index.html with a row for each case; return its path.
 
-    `page` of a row is the address of its report, from `folder`.
+    A row has `case`, and `result` or `error`; `page` is the address of its report,
+    relative to `folder`.
     """
     entries = [
         {

@@ -41,9 +41,9 @@ BASES = {
 
 
 class Found(Protocol):
-    """What a report needs of a diagnosis; arrays are (n,), one a recording.
+    """The parts of a diagnosis that a report needs; arrays are (n,), one a recording.
 
-    Time in s, strain, stress in MPa measured and simulated before and after.
+    Time is in s; strain and stress in MPa are measured, simulated before and after.
     """
 
     @property
@@ -63,19 +63,19 @@ class Found(Protocol):
 
 
 def meaning(name: str) -> str:
-    """What an effect is, in the first line of its own page."""
+    """Return the first line of an effect's page."""
     return (inspect.getdoc(type(effect(name))) or "").split("\n", 1)[0]
 
 
 def verdict(result: Mapping[str, Any]) -> str:
-    """The verdict in a word or a few."""
+    """Return the verdict in a few words."""
     if result["verdict"] == "undetermined" and result["selected"]:
         return "Likely, not certain"
     return VERDICTS[result["verdict"]]
 
 
 def contents(result: Mapping[str, Any], axes: Axes) -> dict[str, Any]:
-    """Values of the template, section by section."""
+    """Return the values of the template, section by section."""
     regions, advice = result["mismatch"], result["next_recording"]
     return {
         "result": result,
@@ -96,7 +96,7 @@ def contents(result: Mapping[str, Any], axes: Axes) -> dict[str, Any]:
 
 
 def _first(result: Mapping[str, Any]) -> int:
-    """The recording that is drawn first: the one with most of the mismatch."""
+    """Return the recording drawn first: the one with most of the mismatch."""
     names = [r["name"] for r in result["recordings"]]
     share = dict.fromkeys(names, 0.0)
     for region in result["mismatch"]:
@@ -105,14 +105,14 @@ def _first(result: Mapping[str, Any]) -> int:
 
 
 def _corrected(result: Mapping[str, Any]) -> str:
-    """The effects of the corrected model, "" where it is the base."""
+    """Return the effects of the corrected model; "" if it is the base."""
     order = [r["effect"] for r in result["candidates"]]
     by = sorted(result["corrected_by"], key=order.index)
     return listed([plain(n) for n in by]) if by else ""
 
 
 def _considered(row: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any]:
-    """An effect that was tried, and why it is the answer or is not."""
+    """Return an effect that was tried, and why it is named or not."""
     name = row["effect"]
     return {
         **row,
@@ -123,7 +123,7 @@ def _considered(row: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, 
 
 
 def _sketch(advice: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """The strain programme that is advised, drawn."""
+    """Return a drawing of the advised strain programme."""
     from softnn.report.picture import sketch
 
     drawn = advice and advice.get("programme")

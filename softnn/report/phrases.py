@@ -6,23 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softnn.effects import EFFECTS
+
 
 def number(value: float | None) -> str:
-    """Four digits, or a dash where there is no number."""
+    """Return four digits, or a dash if there is no number."""
     if value is None or not np.isfinite(value):
         return "-"
     return f"{value:.4g}"
 
 
 def percent(value: float | None) -> str:
-    """A fraction in per cent, two digits."""
+    """Return a fraction in per cent, two digits."""
     if value is None or not np.isfinite(value):
         return "-"
     return f"{100 * value:.0f} %" if value >= 0.1 else f"{100 * value:.2g} %"
 
 
 def sure(probability: float) -> str:
-    """A probability as a text has it; never 0 or 100 %.
+    """Return a probability for a text; never 0 or 100 %.
 
     >>> sure(0.9996), sure(0.934), sure(0.002)
     ('over 99 %', '93 %', 'under 1 %')
@@ -33,21 +35,24 @@ def sure(probability: float) -> str:
 
 
 def plain(name: str) -> str:
-    """The name of an effect as one would say it.
+    """Return the name of an effect, from its id, as a sentence has it.
 
-    >>> plain("mullins_softening")
-    'Mullins softening'
+    It fits into "NAME was left out". Other names are words with underscores.
+
+    >>> plain("mullins_softening"), plain("tension_only")
+    ('Mullins softening', 'buckling in compression')
     """
-    return name.replace("_", " ").replace("mullins", "Mullins")
+    spoken = {law.id: law.spoken for law in EFFECTS}
+    return spoken.get(name) or name.replace("_", " ").replace("mullins", "Mullins")
 
 
 def opened(text: str) -> str:
-    """A text with a capital letter, to begin a sentence with."""
+    """Return the text with a capital letter, to begin a sentence."""
     return text[:1].upper() + text[1:]
 
 
 def listed(words: Sequence[str]) -> str:
-    """Words in a row.
+    """Return words joined by commas and "and".
 
     >>> listed(["slack", "grip slip", "inertia"])
     'slack, grip slip and inertia'

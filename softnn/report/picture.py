@@ -1,4 +1,4 @@
-"""What the picture of a report draws, small enough to lie in the page."""
+"""The curves of a report, small enough to lie in the page."""
 
 from __future__ import annotations
 
@@ -80,19 +80,19 @@ def kept(values: Array, most: int) -> NDArray[np.intp]:
 
 
 def _short(values: Array) -> list[float | None]:
-    """Numbers of a few digits, as JSON wants them: none where there is no value."""
+    """Return numbers of a few digits for JSON; None for a missing value."""
     return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in values]
 
 
 def pack(value: Any) -> str:
-    """JSON, zipped, as text of letters and digits: no name in it can end a script."""
+    """Return zipped JSON as letters and digits, so no name in it can end a script."""
     raw = json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
     return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode("ascii")
 
 
 @cache
 def library() -> str:
-    """The script that draws, zipped: 2 MB a page in place of 5."""
+    """Return the drawing script, zipped: 2 MB a page in place of 5."""
     from plotly.offline import get_plotlyjs
 
     raw = get_plotlyjs().encode()
@@ -102,7 +102,7 @@ def library() -> str:
 def sketch(
     time_s: ArrayLike, strain: ArrayLike, width: float = 360.0, height: float = 120.0
 ) -> dict[str, Any]:
-    """A strain programme (n,) as points of an SVG line; its ends in s and strain."""
+    """Return a strain programme (n,) as points of an SVG line, with its ends."""
     time, y = np.asarray(time_s, float), np.asarray(strain, float)
     low, high = min(float(y.min()), 0.0), max(float(y.max()), 0.0)
     across = width * (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)

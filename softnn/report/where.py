@@ -16,7 +16,7 @@ MOST = 6  # sentences
 def sentences(
     regions: Sequence[Mapping[str, Any]], recordings: int, axis: Axis
 ) -> list[str]:
-    """Regions alike in branch and sign, one sentence each, the heaviest first.
+    """Return sentences on regions, alike in branch and sign, the heaviest first.
 
     >>> one = {"branch": "unloading", "sign": "simulation too stiff", "recording": "a"}
     >>> sentences([one | {"cycle": c, "strain": [0.1, 0.5], "share": 0.2}

@@ -204,17 +204,18 @@ class Search:
         first: Sequence[Mapping[str, Value]] = (),
         when: When | None = None,
     ) -> Iterator[Finished]:
-        """`trials` trials towards the front of all objectives; those of `first` first.
+        """Yield `trials` trials towards the front of all objectives; `first` go first.
 
-        `TOGETHER` trials are under way at once. Each is drawn, and handed to `submit`,
-        with those that far before it known and no others, whichever ended sooner: so a
-        search that was stopped goes on as if it had not been. Parameters are drawn in
-        the order of the space; one named in `when` only where its condition holds for
-        those before it, by tree-structured Parzen estimators, multivariate, one for
-        each group of parameters that occur together (Ozaki et al.
-        2022, doi:10.1613/jair.1.13188), or as the search's `sampler` says.
+        `TOGETHER` trials are under way at once. A trial is drawn with a fixed number of
+        earlier trials known, whichever ended sooner. So a search that was stopped goes
+        on as if it had not been. Each is handed to `submit`.
 
-        In a database server its workers take part, and order is by who ends first.
+        Parameters are drawn in the order of the space; a parameter in `when` is drawn
+        if its condition holds for the earlier ones. By default tree-structured Parzen
+        estimators draw, multivariate, one for each group of parameters that occur
+        together (Ozaki et al. 2022, doi:10.1613/jair.1.13188); `sampler` may change it.
+
+        In a database server other workers take part, and the order is that of ending.
         """
         if self.on_server:
             from softnn.search.together import together

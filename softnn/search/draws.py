@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from softnn.search import Search
 
 Value = int | float | str
-# What is minimised, one number or one an objective, and all there is to keep.
+# The objective (one number, or one for each objective), and the result to keep.
 Result = tuple[float | Sequence[float], dict[str, Any]]
 When = Mapping[str, Callable[[Mapping[str, Any]], bool]]
 Objective = Callable[[dict[str, Any]], Result]
@@ -101,7 +101,7 @@ class Draws:
         self._known = 0
 
     def draw(self, count: int, known: Sequence[Finished]) -> dict[str, Any]:
-        """Of trial `count`, by what those in `known` say."""
+        """Return the parameters of trial `count`, from the trials in `known`."""
         if count < len(self.first):
             return self._chosen(lambda name: self.first[count][name])
         for i, one in enumerate(known[self._known :], self._known):
@@ -121,11 +121,11 @@ class Draws:
         return chosen
 
     def of(self, trial: optuna.Trial) -> dict[str, Any]:
-        """What a trial's own sampler draws, or what it was given."""
+        """Return the draw of a trial's own sampler, or the given values."""
         return self._chosen(lambda name: suggest(trial, name, self.space[name]))
 
     def sampler(self, count: int) -> optuna.samplers.BaseSampler:
-        """Of the trial after `count` others."""
+        """Return the parameters of the trial after `count` others."""
         return SAMPLERS[self.by](self.seed + APART * count, len(self.first))
 
     def _chosen(self, value: Callable[[str], Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Who draws the trials of `explore`, by what earlier trials say and by a seed."""
+"""Samplers that draw the trials of `explore` from earlier trials and a seed."""
 
 from __future__ import annotations
 

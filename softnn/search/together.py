@@ -1,11 +1,11 @@
 """A search that many processes carry out, on any number of machines.
 
-Its trials are numbered slots in the queue of Optuna's study, in a database server: a
-process takes one, which the server gives to one alone, and says that it lives while it
-works. A slot whose process has died, or was stopped, goes into the queue again.
+Its trials are numbered slots in the queue of Optuna's study, in a database server. A
+process takes a slot, which the server gives to no other, and reports that it lives
+while it works. If it dies or is stopped, the slot returns to the queue.
 
-Trials are drawn with those that are finished by then known: unlike a search by one
-process, one by several is another one each time.
+A trial is drawn with the trials known that have ended by then. So a search by several
+processes differs from run to run, unlike a search by one process.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from softnn.search import Search
 
 SLOT = "slot"
-DEATHS = 3  # of one slot, after which it is the trial that kills
+DEATHS = 3  # of one slot; after so many the trial itself is to blame
 PAUSE_S = 0.5  # between looks at what others are doing
 OPEN = (TrialState.WAITING, TrialState.RUNNING, TrialState.COMPLETE)
 

@@ -18,7 +18,7 @@ RATES, BEYOND = 8, 10.0  # simulated ramps, and how far beyond the rates that ar
 
 
 def simulations(data: Data, held: set[int]) -> list[Recording]:
-    """Ramps of PL-Wiechert fitted to what is not held out."""
+    """Return ramps of PL-Wiechert fitted to the recordings that are not held out."""
     train = [r for i, r in enumerate(data.tensile) if i not in held]
     names = {data.tensile[i].name for i in held}
     holds = [r for r in data.relaxation if r.name not in names]

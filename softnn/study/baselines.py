@@ -1,13 +1,13 @@
 """Piecewise-linear models on the recordings that the networks are trained on.
 
-Two questions are kept apart. *Over rates* (thesis Fig. 5.6): branches from a hold, the
-springs k* from the mean curve of one rate, and the error over the mean curves of all
-rates, the one fitted among them, with the tolerance chosen for that error. *Like for
-like*: the error on the samples a network is judged on, by a fit that has seen the
-training recordings only, and was chosen on them.
+Two questions are separate. *Over rates* (thesis Fig. 5.6): branches come from a hold,
+and the springs k* from the mean curve of one rate. The error is that over the mean
+curves of all rates, the fitted one included, and the tolerance is chosen for it. *Like
+for like*: the error on the samples that a network is judged on, by a fit that was made
+and chosen on the training recordings alone.
 
-A fit is called by its way to branches, the same in every study (`WAYS`): as in the
-thesis, by any reading of the holds, or jointly with the springs from the curves alone.
+`WAYS` names the ways to find branches, the same in every study: as in the thesis, by
+any reading of the holds, or jointly with the springs from the curves alone.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ WINDOW = 0.01  # of a hold, smoothed over
 class Variant:
     """Branches of one model from one relaxation test, and how they were found.
 
-    `share` is what is taken of their stiffness.
+    `share` is the fraction of their stiffness that is used.
     """
 
     model: str
@@ -234,15 +234,15 @@ def literal(found: Sequence[Choice], model: str) -> Choice:
 def piecewise_baselines(
     tensile: Sequence[Recording], relaxation: Sequence[Recording]
 ) -> dict[str, Any]:
-    """PL-SLS and PL-Wiechert on prepared specimens and holds, ready for JSON.
+    """Return PL-SLS and PL-Wiechert on prepared specimens and holds, ready for JSON.
 
-    Each model has its generalisation error over rates as in the thesis (eq. 5.13) with
-    the tolerance (a fraction), segments, branches and variant it was chosen with, the
-    same for every variant and for branches at a share of their stiffness (`softened`),
-    the springs and branches fitted jointly, and, like for like, the mean NRMSE over
+    Each model has its generalisation error over rates as in the thesis (eq. 5.13), with
+    the tolerance (a fraction), segments, branches and variant chosen for it. It has the
+    same for every variant, for branches at a share of their stiffness (`softened`), and
+    for springs and branches fitted jointly. Like for like, it has the mean NRMSE over
     folds by specimen and by rate in each of `WAYS`. Errors are fractions.
 
-    Raises `InputError` where there is no hold to take branches from.
+    Raises `InputError` if there is no hold to take branches from.
     """
     if not relaxation:
         raise InputError("no relaxation test; piecewise models take branches from one")

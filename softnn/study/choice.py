@@ -1,4 +1,4 @@
-"""Which network of a sweep is taken, what stands beside it, how to train it again."""
+"""The choice of a network from a sweep, its rivals, and how to train it again."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def text_of_choice(best: Finished) -> str:
 def on_splits(
     sweep: Sweep, networks: Mapping[str, Finished], others: Sequence[str]
 ) -> dict[str, dict[str, Finished | str]]:
-    """Networks by name on the split of a sweep and on others, or why that cannot be."""
+    """Return networks by name on all splits; the reason if a split is impossible."""
 
     def trial(one: Finished, split: str) -> Finished | str:
         count = one.parameters["neurons"]
@@ -64,7 +64,7 @@ def on_splits(
 def entries_of(
     judged: Mapping[str, Mapping[str, Finished | str]],
 ) -> dict[str, dict[str, Any]]:
-    """Trials by network and split as the result file keeps them."""
+    """Return trials by network and split, for the result file."""
     return {
         name: {
             split: {"not_possible": t} if isinstance(t, str) else trial_entry(t)
@@ -75,7 +75,7 @@ def entries_of(
 
 
 def configuration(best: Finished, settings: Settings) -> dict[str, Any]:
-    """What is needed to train the best network again, and what it then reaches."""
+    """Return the settings to train the best network again, and its errors."""
     wanted = replace(settings, neurons=(best.parameters["neurons"],))
     return {
         "settings": asdict(wanted),
@@ -87,7 +87,7 @@ def configuration(best: Finished, settings: Settings) -> dict[str, Any]:
 
 
 def piecewise(data: Data) -> dict[str, Any]:
-    """The piecewise-linear models on the same data, or why they cannot be fitted."""
+    """Return piecewise-linear models on the same data, or why none can be fitted."""
     try:
         return plain(piecewise_baselines(data.tensile, data.relaxation))
     except InputError as reason:
@@ -95,7 +95,7 @@ def piecewise(data: Data) -> dict[str, Any]:
 
 
 def keep(found: dict[str, Any], data: Data, folder: Path) -> Path:
-    """Write the best configuration to a folder, for the tests to hold."""
+    """Write the best configuration to a folder, where tests read it."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{data.file_name}.json"
     best = found["best"]

@@ -43,13 +43,13 @@ if TYPE_CHECKING:
 RESULTS = Path(softnn.__file__).parents[1] / "studies" / "results"
 AFTER_S = 0.01  # after which a lost interrupt is sent again: the callback is over
 RUNS = Path("mlruns")  # below the folder the study is started in; ignored by git
-SHOWING = ("cli.py", "report.py", "tracking.py")  # what is found, not finding it
+SHOWING = ("cli.py", "report.py", "tracking.py")  # files that show results
 MADE_BY_CODE = ("--", ".", ":!studies/results", ":!docs", ":!README.md")
 PACKAGES = ("numpy", "scipy", "pandas", "torch", "optuna", "mlflow")
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, as `InputError` does, and exits with 2."""
+    """Prints a wrong option in one line, as `InputError` does, and exits with 2."""
 
     def error(self, message: str) -> NoReturn:
         print(f"{self.prog}: {message}; --help lists the options", file=sys.stderr)
@@ -89,14 +89,14 @@ def guarded(work: Callable[[], None]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("\nstopped; what is finished is kept", file=sys.stderr)
+        print("\nstopped; finished trials are kept", file=sys.stderr)
         return 130
     return 0
 
 
 @contextmanager
 def killed_as_by_ctrl_c() -> Iterator[None]:
-    """So that a command which a study has started ends with it."""
+    """Make a command that a study has started end with the study."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -109,11 +109,11 @@ def killed_as_by_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def lost_interrupts_sent_again() -> Iterator[None]:
-    """Ctrl-C ends a study even where Python would print and forget it.
+    """Make ctrl-C end a study even where Python would print and forget it.
 
-    The interrupt may come while the garbage collector calls back, as it does for
-    SQLAlchemy's connections. What is raised there reaches `sys.unraisablehook` and
-    nobody else. Raised in the hook it would be lost again, so a thread sends it after.
+    The interrupt may arrive while the garbage collector calls back, as it does for
+    SQLAlchemy's connections. An exception there reaches `sys.unraisablehook` alone. If
+    the hook raised it, it would be lost again, so a thread sends the signal afterwards.
     """
     before = sys.unraisablehook
 
@@ -140,17 +140,17 @@ def _interrupt() -> None:
 
 
 def runs_folder(smoke: bool = False) -> Path:
-    """Where runs and what can be gone on with lie."""
+    """Return the folder of runs and of stores that a stopped study goes on from."""
     return RUNS / "smoke" if smoke else RUNS
 
 
 def results_folder(smoke: bool = False, publish: bool = False) -> Path:
-    """Where results go: into the project if they are published, else among the runs."""
+    """Return the folder of results: of the project if published, else of the runs."""
     return RESULTS if publish and not smoke else runs_folder(smoke) / "results"
 
 
 def database(given: str | None, smoke: bool, name: str = "mlflow") -> str:
-    """The address given, or that of NAME.db where runs lie."""
+    """Return the address given, or that of NAME.db in the folder of runs."""
     return given or f"sqlite:///{(runs_folder(smoke) / name).as_posix()}.db"
 
 
@@ -167,11 +167,11 @@ def write_result(
 
     The folder is that of `results_folder` by default.
 
-    `headline` is flat: the figures that a text may quote, fractions as fractions, the
-    unit in the name where there is one. `body` is whatever else the study found. `data`
-    maps what was used to its hash (`softnn.recording.data_hash`). Beside them stand the
-    date, the commit (see `commit`), the versions, the machine, and the study that was
-    run. NaN and infinity become null.
+    `headline` is flat: the figures that a text may quote, fractions as fractions, with
+    the unit in the name. `body` has all other results. `data` maps the data used to
+    their hash (`softnn.recording.data_hash`). The file also has the date, the commit
+    (see `commit`), the versions, the machine, and the study. NaN and infinity become
+    null.
 
     Raises `InputError` for a headline that is not flat.
     """
@@ -196,9 +196,9 @@ def write_result(
 
 
 def provenance() -> dict[str, str]:
-    """Date, version, commit and study of what is made now.
+    """Return date, version, commit and study of a result made now.
 
-    Parts that one result file keeps from several runs carry their own.
+    If one result file keeps parts of several runs, each part has its own.
     """
     found = {
         "made": datetime.now(UTC).strftime("%Y-%m-%d"),
@@ -259,7 +259,7 @@ def running_study() -> str | None:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what a result depends on."""
+    """Return the versions of the packages that a result depends on."""
     found = {"python": platform.python_version(), "softnn": softnn.__version__}
     for package in PACKAGES:
         try:
@@ -277,7 +277,7 @@ def fingerprint(content: Any, *, files: Iterable[Path] = ()) -> str:
 
 
 def code_of(files: Iterable[Path]) -> str:
-    """A short hash of what Python files do: no remark, layout or docstring counts.
+    """Return a short hash of the code in files; comments and docstrings do not count.
 
     It keys the stores that a stopped study goes on from, and nothing else.
     """
@@ -298,7 +298,7 @@ def _tree(file: Path, _changed: int) -> bytes:
 
 
 def package_files() -> list[Path]:
-    """The files of softnn on which results depend: not those that only show them."""
+    """Return the files of softnn that results depend on, not those that show them."""
     package = Path(softnn.__file__).parent
     return [
         f
@@ -308,7 +308,7 @@ def package_files() -> list[Path]:
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table as Markdown, its columns padded so that it reads well as it is.
+    """Return a table as Markdown, with columns padded to equal width.
 
     >>> print(markdown(["model", "NRMSE"], [["PL-SLS", "2.27 %"], ["network", None]]))
     | model   |  NRMSE |
@@ -350,7 +350,7 @@ def percent(fraction: float | None, digits: int = 2) -> str | None:
 # --- figures --------------------------------------------------------------------------
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Okabe and Ito's palette (2008): told apart by colour-blind readers too."""
+"""Okabe and Ito's palette (2008): which colour-blind readers can distinguish."""
 INK, FAINT = "#222222", "#8a8a8a"
 
 

@@ -43,7 +43,7 @@ LEAST = 1e-3  # a smaller weight is rounding
 
 @dataclass(frozen=True)
 class Held:
-    """The mixed network, the weight of each member, and what these are judged by."""
+    """The mixed network, the weight of each member, and the folds that give them."""
 
     network: ConvexNetwork
     weights: dict[str, float]
@@ -100,7 +100,7 @@ def members(
 
 
 def of_piecewise(fit: PiecewiseFit, seen: Sequence[Recording]) -> ConvexNetwork:
-    """The convex network that says the same as a PL-SLS or PL-Wiechert fit."""
+    """Return the convex network equal to a PL-SLS or PL-Wiechert fit."""
     rows = [(knot, 0.0, 0.0) for knot in fit.knots]
     rows += [(0.0, 0.0, tau) for tau in fit.relaxation.relaxation_time]
     weights = [*fit.springs, *fit.relaxation.stiffness]
@@ -113,7 +113,7 @@ def weighed(
     holds: Sequence[Recording],
     cycles: bool,
 ) -> tuple[dict[str, float], str]:
-    """The weights of members, which sum to 1, and what chose them in words."""
+    """Return the weights of members, of sum 1, and in words how they were chosen."""
     owner = np.repeat(np.arange(len(tensile)), [len(r) for r in tensile])
     rates = True
     try:
@@ -150,7 +150,7 @@ def weighed(
 
 
 def stacked(said: Array, measured: Array) -> Array:
-    """Weights (m,), none below 0, sum 1, of columns (n, m) that come nearest (n,).
+    """Return non-negative weights (m,) of sum 1 that fit columns (n, m) best to (n,).
 
     >>> stacked(np.array([[1.0, 3.0], [1.0, 3.0]]), np.array([2.0, 2.0])).round(3)
     array([0.5, 0.5])

@@ -17,7 +17,7 @@ from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
 from softnn.study.settings import MOST_SAMPLES, Settings, one_of, slug
 
-UNLOADED = 0.5  # of the largest strain: a recording that comes back so far unloads
+UNLOADED = 0.5  # of the largest strain; a recording that returns below it unloads
 LOADED = 0.995  # of the largest strain: the first loading is over
 
 
@@ -37,7 +37,7 @@ class Data:
 
     @property
     def label(self) -> str:
-        """How the data are to be called wherever a figure of them is shown."""
+        """The name of the data beside every figure of them."""
         kind = "virtual specimens" if self.is_virtual else f"recordings {self.source}"
         return f"{self.material}, {kind}" + ", whole cycles" * self.cycles
 
@@ -51,15 +51,15 @@ class Data:
 
 
 def prepared(settings: Settings) -> list[Data]:
-    """The data of every material asked for.
+    """Return the data of every material asked for.
 
     Virtual specimens are prepared as in thesis 4.3.1.1 and resampled to as many points
-    as they were recorded with, so that the training set has the size of Table 6.2. Of
-    real recordings the networks see, like the thesis's, the first loading only: tensile
-    tests prepared in the same way, others up to their largest strain; each at equal
-    strain steps, with `MOST_SAMPLES` at most. With `cycles` they see all of the
-    recordings that unload (`whole`), and no others. A material of which no recording
-    can be used so is left out, and so is a component, which has no stress.
+    as they were recorded with, so the training set has the size of Table 6.2. Of real
+    recordings the networks see the first loading only, as in the thesis. Tensile tests
+    are prepared in the same way, others are cut at their largest strain. Each has equal
+    strain steps, with `MOST_SAMPLES` at most. With `cycles` the networks see all of the
+    recordings that unload (`whole`), and no others. A material without a usable
+    recording is left out, and so is a component, which has no stress.
     """
     if settings.data == "virtual":
         if settings.cycles:
@@ -132,7 +132,7 @@ def first_loading(recording: Recording, most: int) -> Recording:
 
 
 def unloads(recording: Recording) -> bool:
-    """Whether the strain comes back from its largest by more than half of it."""
+    """Return whether the strain returns to less than half of its largest value."""
     size = np.abs(recording.strain[np.isfinite(recording.strain)])
     if not len(size) or not size.max() > 0:
         return False

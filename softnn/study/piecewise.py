@@ -88,7 +88,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Work:
-    """What one study was asked to do, and where its findings go."""
+    """The settings of one study, and the folder of its results."""
 
     cases: list[Case]
     tolerances: tuple[float, ...]
@@ -137,7 +137,7 @@ def carry_out(
             one = study(asked, case)
             track(name, asked, case, one)
             found.append(one)
-        # A figure of real recordings is those recordings, and they are others' own.
+        # A figure of real recordings would publish recordings that belong to others.
         figures = save_figure(
             draw(asked, asked.cases, found), asked.name, asked.figures
         )
@@ -275,7 +275,7 @@ def track(name: str, work: Work, case: Case, found: Mapping[str, Any]) -> None:
 
 
 def without_trials(found: Mapping[str, Any]) -> dict[str, Any]:
-    """What goes into the result file: no trials, no text, nothing for the figure."""
+    """Return the part for the result file: no trials, no text, nothing for figures."""
     return {k: v for k, v in found.items() if k not in ("trials", "text", "drawn")}
 
 

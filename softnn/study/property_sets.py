@@ -180,9 +180,10 @@ def elastic_row(recording: Recording, e: properties.Elastic) -> dict[str, Any]:
 
 
 def failure_rows(pulls: Sequence[Recording]) -> list[dict[str, Any]]:
-    """Ultimate values by material of pulls after cycles; strain from the first length.
+    """Return ultimate values by material of pulls after cycles.
 
-    A record that ends without a drop gives a lower bound; how many failed is told.
+    Strain refers to the first length. A record that ends without a drop gives a lower
+    bound; the rows have the number of failures.
     """
     if not pulls:
         return []

@@ -23,7 +23,7 @@ COLUMNS = ("low", "high", "group_low", "group_high", "study")
 
 @dataclass(frozen=True)
 class Area:
-    """What one study says of one group: `low` to `high`, for the group's own range."""
+    """The range of one study for one group: `low` to `high`."""
 
     low: float
     high: float
@@ -58,7 +58,7 @@ def supported(areas: Sequence[Area], query: Query) -> list[tuple[float, float]]:
     good: list[tuple[float, float]] = []
     for low, high in pairwise(edges):
         at = (low + high) / 2
-        if min(len(who(areas, age, at)) for age in middles) < query.studies:
+        if min(len(studies_of(areas, age, at)) for age in middles) < query.studies:
             continue
         if good and good[-1][1] == low:
             good[-1] = (good[-1][0], high)
@@ -67,7 +67,7 @@ def supported(areas: Sequence[Area], query: Query) -> list[tuple[float, float]]:
     return good
 
 
-def who(areas: Sequence[Area], group: float, value: float) -> set[str]:
+def studies_of(areas: Sequence[Area], group: float, value: float) -> set[str]:
     """The studies whose areas contain a point."""
     return {
         a.study
@@ -141,7 +141,7 @@ def outline(
     inside = np.zeros((len(xs) + 1, len(ys) + 1), bool)
     for i, (x0, x1) in enumerate(pairwise(xs)):
         for j, (y0, y1) in enumerate(pairwise(ys)):
-            shared = who(areas, (x0 + x1) / 2, (y0 + y1) / 2)
+            shared = studies_of(areas, (x0 + x1) / 2, (y0 + y1) / 2)
             inside[i + 1, j + 1] = len(shared) >= number
     upright = np.argwhere(inside[1:] != inside[:-1])
     level = np.argwhere(inside[:, 1:] != inside[:, :-1])

@@ -40,14 +40,14 @@ def sine(speed: float, length_mm: float, offset: float | None) -> tuple[Array, A
 
 
 def offsets(scenario: str, speed: float, length_mm: float) -> dict[str, float | None]:
-    """Where the sine may lie: the thesis names the sign of the strain alone."""
+    """Return possible offsets of the sine: the thesis names the sign of the strain."""
     if scenario == "c":
         return {"about zero": 0.0, "below zero": -speed / 60 / length_mm / 2}
     return {"from zero": None, "about 0.25": 0.25}
 
 
 def readings(length_mm: float) -> dict[str, Callable[[Array, Array], Array]]:
-    """What may have been fed as the strain rate, of strain and derivative [1/s]."""
+    """Return possible strain rates fed to the network, from strain and derivative."""
 
     def quantised(strain: Array, rate: Array) -> Array:
         seen = np.round(strain * length_mm / ENCODER_MM) * ENCODER_MM / length_mm

@@ -1,7 +1,6 @@
 """The networks of one MLflow run, trained again: no study, part of `softnn rerun`.
 
-What is trained is what the run says of itself: its settings, its parameters, and
-recordings of the same hash.
+The run itself gives the settings, the parameters, and the hash of the recordings.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What strips are taken for in a controller, what that costs, and how it walks."""
+"""Models of strips in a controller: their accuracy, their time, and a walk."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Row = dict[str, Any]
 
 @dataclass
 class VirtualStrip:
-    """The mean virtual specimen, step by step: what the strips are."""
+    """The mean virtual specimen, step by step; it stands for the real strips."""
 
     def __post_init__(self) -> None:
         self.law, self.one = virtual.calibration(NAME), virtual.Specimen()
@@ -153,7 +153,7 @@ def stride(seconds: float) -> tuple[Array, Array]:
 
 
 def errors(found: Walk, goal: Array) -> Row:
-    """Torque against what was wanted, over the largest wanted; and the model's part."""
+    """Return the torque error over the largest torque wanted, and the model's part."""
     off = (found.torque_Nm - goal) / TORQUE_Nm
     blind = (found.torque_Nm - found.estimate_Nm) / TORQUE_Nm
     return {

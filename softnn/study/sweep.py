@@ -101,7 +101,7 @@ class Sweep:
         self._tracker: Tracker | None = None
 
         def searched(name: str, value: str) -> str:
-            values = space.get(name)  # the settings say nothing of what is drawn
+            values = space.get(name)  # the settings lack the parameters that are drawn
             if values is None or isinstance(values, Range):
                 return value if values is None else str(values)
             return ", ".join(map(str, values))
@@ -254,7 +254,7 @@ class Sweep:
         )
 
     def _again(self, trial: Finished) -> dict[str, Any]:
-        """What `softnn.study.rerun` needs to do a trial again."""
+        """Return the settings that `softnn.study.rerun` needs to repeat a trial."""
         parameters = trial.result.get("configuration", trial.parameters)
         if "weight" in parameters:
             how = f"l2={parameters['weight']!r}"
@@ -269,7 +269,7 @@ class Sweep:
         }
 
     def say(self, what: str) -> None:
-        """Show beside the progress bar what is being done."""
+        """Show the current step beside the progress bar."""
         self._bar.set_postfix_str(what)
 
     def beside(self, row: Mapping[str, Any], unseen: str) -> None:
@@ -327,8 +327,8 @@ class Sweep:
             about,
         )
 
-    def told(self, headline: Mapping[str, Any], **more: Any) -> dict[str, Any]:
-        """What the result file keeps of this material; asked while it is open."""
+    def entry(self, headline: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+        """Return the entry of this material for the result file, while it is open."""
         return {
             "material": self.data.material,
             "label": self.data.label,
@@ -347,9 +347,9 @@ class Sweep:
 
     @property
     def seconds(self) -> float | None:
-        """Time since the opening; None where no run has done all the work at once.
+        """Time since the opening, s; None if no run has done all the work at once.
 
-        Asked for again from the store, it is that of the run which did the work.
+        For rows from the store it is the time of the run that computed them.
         """
         if not any(t.stored for t in self.trials):
             taken = time.perf_counter() - self._began
@@ -358,7 +358,7 @@ class Sweep:
         return None if kept is None else float(kept)
 
     def from_store(self) -> str:
-        """One line on what was not run again, or nothing."""
+        """Return one line on the trials taken from the store, or ""."""
         old = sum(t.stored for t in self.trials)
         if not old:
             return ""
@@ -428,7 +428,7 @@ def describe(parameters: Mapping[str, Any]) -> str:
 
 @cache
 def _code() -> tuple[Path, ...]:
-    """The files whose change would change a trial's result, data apart."""
+    """Return the code files that a trial's result depends on."""
     package = Path(softnn.__file__).parent
     network = [
         f for f in sorted((package / "neural").glob("*.py")) if f.stem not in AFTER

@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Tendon:
-    """What is to be matched: modulus [MPa], area [mm2], relaxed share in per cent."""
+    """A tendon to be matched: modulus [MPa], area [mm2], relaxed share in per cent."""
 
     modulus_MPa: float
     area_mm2: float

@@ -65,7 +65,7 @@ class Trainer:
         return self._samples[key]
 
     def chosen(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """All of a configuration: settings stand where parameters are mute."""
+        """Return the whole configuration: settings fill in for missing parameters."""
         chosen = asdict(self.settings) | dict(parameters)
         return chosen | {"folds_seed": chosen.get("folds_seed", self.settings.seed)}
 
@@ -123,19 +123,19 @@ class Trainer:
         }
 
     def judge(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """What networks say of what was held out, fold by fold."""
+        """Return the errors of networks on the samples held out, fold by fold."""
         split = self.chosen(parameters)["split"]
         return self.judge_parts(parameters, {split: slice(None)})[split]
 
     def judge_parts(
         self, parameters: Mapping[str, Any], parts: Mapping[str, slice]
     ) -> dict[str, dict[str, Any]]:
-        """The same for some folds of several splits, all networks in one batch.
+        """Return the same for some folds of several splits, all networks in one batch.
 
-        A network that is fed its stress back is judged running on its own stress; what
-        it reaches with the measured one is `nrmse_measured`. A recurrent one goes
-        through whole recordings: it sees the strain of held-out samples, as others see
-        it in lags and filters, and never their stress; what it says of them is judged.
+        A network with its stress fed back is judged running on its own stress;
+        `nrmse_measured` is its error with the measured stress. A recurrent network runs
+        through whole recordings. It sees the strain of held-out samples, as other
+        networks do in lags and filters, but never their stress.
         """
         chosen = self.chosen(parameters)
         inputs, lag_s = chosen["inputs"], chosen["lag_s"]

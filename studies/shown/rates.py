@@ -52,7 +52,7 @@ def _row(name: str, entry: dict[str, Any]) -> list[Any]:
 
 
 def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
-    """Curves of all rates, and what the models fitted at one of them foretell."""
+    """Curves of all rates, and what the models fitted at one of them predict."""
     figure, grid = panels(len(cases), height=2.7)
     for axes, case, one in zip(grid, cases, found, strict=True):
         for colour, curve in zip(COLOURS, case.curves, strict=False):

@@ -1,4 +1,4 @@
-"""A page an effect: its telltale recording with and without it, and its confounders."""
+"""A page for each effect: with and without it, and the effects that look alike."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from studies.site import maths
 from studies.site.chart import Curve, chart
 
 TITLE = "What effects look like"
-# A soft rubber that stands compression too: stiffer with strain, two branches.
+# A soft rubber that bears compression too: stiffer with strain, two branches.
 MATERIAL = Units("pl-wiechert", (-1.0, 0.0, 0.4, 1.0), (0.3, 5.0))
 STIFFNESS_MPa = np.array([0.8, 0.9, 1.4, 0.5, 0.4])
 WARMING_C = 20.0  # over a recording, where an effect needs it
 STAGES = {
-    "rig": "the rig: what reaches the specimen",
-    "material": "the material: how it answers",
-    "sensor": "the sensor: what is written down",
+    "rig": "the rig: they change the strain of the specimen",
+    "material": "the material: they change its stress",
+    "sensor": "the sensor: they change the recorded stress",
 }
 LOOKS = ("second", "third", "fourth")
 
@@ -48,12 +48,13 @@ def pages() -> dict[str, str]:
 def _index() -> str:
     text = [
         f"# {TITLE}",
-        "Each effect is simulated on the recording that tells it best, its *telltale*, "
-        "with and without it. Its confounders are what it is mistaken for; beside each "
-        "stands what tells them apart.",
+        "This page is for those who look at a curve and ask what it shows. Each effect "
+        "is simulated with and without, on the recording that shows it best. Its page "
+        "has the equation, the effects that look alike, and the recording that "
+        "separates them.",
     ]
     for stage, what in STAGES.items():
-        text.append(f"## Of {what}")
+        text.append(f"## Effects of {what}")
         for law in (e for e in EFFECTS if e.stage == stage):
             first = (inspect.getdoc(type(law)) or "").split("\n", 1)[0]
             text += [
@@ -75,7 +76,7 @@ def _page(law: Effect) -> str:
         "## What it is mistaken for",
         _confounders(law, others),
         table(
-            ["effect", "alike here", "told apart by"],
+            ["effect", "alike here", "separated by"],
             [
                 [
                     f"[{plain(t)}]({t}.md)",
@@ -86,10 +87,11 @@ def _page(law: Effect) -> str:
             ],
         )
         if law.twins
-        else "Nothing that is known here.",
-        "Alike: how much of what this effect changes on its telltale the other one "
-        "takes up there, scaled to fit, before any stiffness is refitted. At 100 % "
-        "this recording cannot tell them apart; the last column says which can."
+        else "No other effect on softnn's list.",
+        "*Alike here*: the share of this effect's change of stress that the other "
+        "effect explains on this recording, scaled to fit, before any stiffness is "
+        "refitted. At 100 % this recording cannot separate them; the last column "
+        "names one that can."
         if law.twins
         else "",
         "## Parameters",
@@ -109,7 +111,7 @@ def _page(law: Effect) -> str:
         ),
     ]
     if law.second_forms:
-        text.append("## Other forms of it")
+        text.append("## Other forms")
         for other in law.second_forms:
             text.append(f"### {other.form}")
             text.append(maths.markdown(inspect.getdoc(type(other)) or ""))
@@ -135,7 +137,7 @@ def clean(name: str) -> Array:
 def changed(name: str, on: str) -> Array:
     """Stress (n,) [MPa] with the effect `name` on the telltale of the effect `on`.
 
-    Of the size at which a search begins, as clear as recordings show it.
+    The effect has the size at which a search begins.
     """
     law, chunk = effect(name), telltale(effect(on))
     scales = Data(("",), (chunk,), (clean(on),)).scales()
@@ -145,9 +147,9 @@ def changed(name: str, on: str) -> Array:
 
 
 def alike(law: Effect, other: Effect) -> float | None:
-    """Share of what `law` changes that `other`, scaled, takes up; None: it does none.
+    """Return the share of the change by `law` that `other`, scaled, explains.
 
-    Both on the telltale of `law`.
+    Both act on the telltale of `law`. None if one of them changes nothing there.
     """
     own, its = (changed(e.id, law.id) - clean(law.id) for e in (law, other))
     if not (own @ own > 0 and its @ its > 0):
@@ -180,7 +182,7 @@ def _with_and_without(law: Effect) -> str:
 
 
 def _confounders(law: Effect, others: list[str]) -> str:
-    """What the effect changes, and what up to two others change, scaled to it."""
+    """Return a chart of the change by the effect, and by up to two others, scaled."""
     if not others:
         return ""
     time, own = telltale(law).time_s, changed(law.id, law.id) - clean(law.id)
@@ -194,5 +196,5 @@ def _confounders(law: Effect, others: list[str]) -> str:
         curves,
         "time [s]",
         "change of stress [MPa]",
-        f"What {plain(law.id)} changes, and its confounders",
+        f"Change of stress by {plain(law.id)}, and by effects that look alike",
     )

@@ -9,7 +9,7 @@ from latex2mathml.converter import convert
 
 _BLOCK = re.compile(r"^\.\. math:: *(.*(?:\n(?:[ \t]+.*|[ \t]*(?=\n[ \t]+)))*)", re.M)
 _INLINE = re.compile(r":math:`([^`]+)`")
-_DOI = re.compile(r"\bdoi:(10\.\S+?)(?=[.,;)]?(?:\s|$))")
+_DOI = re.compile(r"\bdoi:(10\.\S+?)(?=[.,;)]*(?:\s|$))")
 
 
 def shown(latex: str, block: bool = True) -> str:

@@ -1,7 +1,7 @@
 """The thesis, chapter by chapter: its tables beside what the studies find.
 
-Ours are of virtual specimens, which were calibrated to Tables 4.1 to 4.4, so that
-agreement there is no measurement; figures of real recordings stand apart, named.
+The studies use virtual specimens, which were calibrated to Tables 4.1 to 4.4. Agreement
+there is no measurement. Figures of real recordings are separate and say so.
 """
 
 from __future__ import annotations
@@ -21,9 +21,8 @@ from studies.shown import properties, realtime, tendon
 RESULTS = Path(__file__).parents[1] / "results"
 PL = ("PL-SLS", "PL-Wiechert")
 CAUTION = (
-    "*Published* is as printed; *found* is of virtual specimens, made up to be like "
-    "the published ones, never of the recordings behind the thesis, which were not "
-    "published."
+    "*Published*: as printed in the thesis. *Found*: on virtual specimens that imitate "
+    "the published ones. The recordings behind the thesis were never published."
 )
 
 
@@ -46,8 +45,9 @@ def _index() -> str:
             "*Modelling and Characterization of Soft Materials for Bio-inspired "
             "Series-elastic Actuators* (PhD thesis, 2020) measured seven materials, "
             "fitted piecewise-linear viscoelastic models and small networks to them, "
-            "and asked what they are worth in an actuator. Each page has its tables, "
-            "what softnn finds, and the command that finds it.",
+            "and tested them in an actuator. These pages are for readers who compare "
+            "softnn with the thesis: each has the tables of a chapter, the results of "
+            "softnn, and the command that makes them.",
             CAUTION,
             *(
                 f"- [{make.__doc__.splitlines()[0]}](chapter-{n}.md)"
@@ -84,7 +84,7 @@ def made_by(studies: Sequence[str]) -> str:
 
 
 def printed(id: str) -> str:
-    """A published table as it is, with its units and what is odd in it."""
+    """Return a published table unchanged, with its units and oddities."""
     t = table(id)
     plain = [k for r in t.rows for k in r if k not in t.units]
     keys = list(dict.fromkeys([*plain, *t.units]))
@@ -102,7 +102,7 @@ def _head(key: str, unit: str) -> str:
 
 
 def remarks(id: str) -> str:
-    """What is odd in a published table."""
+    """Return the oddities of a published table, in lines."""
     return "\n".join(f"- {note}" for note in table(id).notes)
 
 
@@ -153,10 +153,10 @@ def characterization() -> str:
         f"{percent(head['virtual_within_10_percent'], 0)} lie within 10 % of the "
         f"published; {head['virtual_above_25_percent']} do not lie within 25 %.",
         properties.virtual_report(body["virtual"]),
-        "## What is odd in Table 4.2",
+        "## Oddities in Table 4.2",
         remarks("4.2"),
         printed("4.3"),
-        "## What is odd in Table 4.4",
+        "## Oddities in Table 4.4",
         remarks("4.4"),
         "The same properties of real recordings (" + ", ".join(real) + ") are in "
         "`studies/results/properties.json`, or as text from the command.",
@@ -214,7 +214,7 @@ def piecewise() -> str:
                     ]
                 )
     fitted = "springs and branches fitted to all rates together"
-    apart = "each rate foretold from the others"
+    apart = "each rate predicted from the others"
     return _chapter(
         piecewise.__doc__,
         "A spring whose stiffness is a step function of strain, beside one Maxwell "
@@ -278,12 +278,12 @@ def _apart(best: Row, rates: Row) -> tuple[str, str, str]:
     texture = [b["published"]["nrmse"] / b["nrmse"] for b in each]
     return (
         "The virtual specimens have the stiffness at each rate of Table 4.2 and the "
-        "relaxation of Table 4.4. Branches read off that relaxation then make the "
-        f"stress of {more} of the {len(rows)} depend on the rate by more than the "
-        "stiffness does; the published error of Table 5.2 would want the *share* of "
-        "their stiffness in the last column, or less than any share leaves "
-        f"({', '.join(never)}), as the stiffness itself changes with the rate. So "
-        "Tables 4.2 and 4.4 were kept.",
+        "relaxation of Table 4.4. With branches from that relaxation the stress of "
+        f"{more} of the {len(rows)} materials depends on the rate more than the "
+        "stiffness does. The published error of Table 5.2 would need branches with "
+        "the *share* of their stiffness in the last column. For some materials "
+        f"({', '.join(never)}) no share gives so small an error, because the "
+        "stiffness itself changes with the rate. So Tables 4.2 and 4.4 were kept.",
         markdown(
             [
                 "PL-Wiechert",

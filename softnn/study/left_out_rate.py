@@ -1,4 +1,4 @@
-"""What piecewise-linear models foretell of a rate that was left out."""
+"""Predictions of a left-out rate by piecewise-linear models."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from softnn.study.baselines import JOINT_BRANCHES, rate_errors
 from softnn.study.piecewise import Case, speed_label
 
 
-def foretold(model: str, case: Case) -> dict[str, Any] | None:
-    """Each rate from a joint fit to the others; None with fewer than three rates.
+def error_by_rate(model: str, case: Case) -> dict[str, Any] | None:
+    """Return NRMSE of each rate predicted by a joint fit to the others, as fractions.
 
-    With two rates one is left, and one rate cannot tell a branch from a spring.
+    None with fewer than three rates: a fit to one rate cannot separate a branch from a
+    spring.
     """
     if len(case.curves) < 3:
         return None
