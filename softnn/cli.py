@@ -56,6 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 f"no command {words[0]!r}{nearest(words[0], commands.choices)}; "
                 f"allowed: {', '.join(commands.choices)}"
             )
+        if any(not word.strip() for word in words):
+            raise InputError("an argument is empty; is a variable of the shell unset?")
         arguments = parser.parse_args(words)
         arguments.words = words
         return int(arguments.run(arguments))
@@ -126,6 +128,9 @@ def _run_read(arguments: argparse.Namespace) -> int:
     for given in map(Path, arguments.files):
         if given.is_dir():
             inner, notes = files_of(given)
+            if not inner:
+                print(f"softnn: {given}: no recordings in it", file=sys.stderr)
+                failures += 1
             files += [(file, False) for file in inner]
             told += notes
         else:
@@ -154,7 +159,8 @@ def _run_read(arguments: argparse.Namespace) -> int:
         from softnn.readers.tidy import write_index
 
         write_index(out, written)  # specimens, and rates, are in no column of a file
-    print("\n".join(told))  # last: whoever reads on may close the pipe early
+    if told:
+        print("\n".join(told))  # last: whoever reads on may close the pipe early
     return 2 if failures else 0
 
 

@@ -1,4 +1,4 @@
-"""A recording or a diagnosis at a glance: a line for a console, a curve for a page."""
+"""Recordings, diagnoses and models at a glance: a line, and a curve for a page."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from softnn.contracts import Array
+from softnn.contracts import Array, Chunk
 
 WIDTH, HEIGHT = 240.0, 120.0  # of a small curve, in pixels
 DRAWN = 300  # points of it
@@ -32,6 +32,21 @@ def html(recording: Any) -> str:
         f"{escape(facts(recording))}</figcaption>"
         f"{svg([(recording.strain, recording.stress_MPa)])}"
         f"<div><small>{escape(y.label)} over {escape(x.label)}</small></div></figure>"
+    )
+
+
+def model_html(model: Any, reach: float) -> str:
+    """A model and its curve: a pull to the strain `reach` and back, in 20 s."""
+    drawn = ""
+    if not model.needs_simulated:
+        time = np.linspace(0.0, 20.0, DRAWN)
+        strain = reach * (1 - np.abs(time / 10 - 1))
+        drawn = svg([(strain, model.stress(["-"], [Chunk(time, strain)], [None])[0])])
+    x, y = model.axes.strain, model.axes.stress
+    return (
+        f"<figure style='margin:0'><figcaption>{escape(repr(model))}</figcaption>"
+        f"{drawn}<div><small>{escape(y.label)} over {escape(x.label)}, to {reach:.3g} "
+        "and back in 20 s</small></div></figure>"
     )
 
 

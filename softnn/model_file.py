@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from softnn import glance
 from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
 from softnn.effects import effect
@@ -67,7 +68,7 @@ class Correction:
         return cls(tuple(names), network)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Stored:
     """A stored model: base, stiffnesses, effects, and a learned correction or None.
 
@@ -85,6 +86,15 @@ class Stored:
     simulation: Stored | StoredNetwork | None = None
     source: dict[str, Any] | None = None  # as the file holds it
     axes: Axes = SPECIMEN  # quantities and units of its strain and MPa
+
+    def __repr__(self) -> str:
+        laws = dict.fromkeys(p.effect.id for p in self.pieces)
+        base = "another simulation" if self.needs_simulated else self.units.name
+        told = ", ".join(laws) or "no effects"
+        return f"<Model of {self.axes.stress.name}: {base}; {told}>"
+
+    def _repr_html_(self) -> str:
+        return glance.model_html(self, max(self.units.knots, key=abs))
 
     def simulate(
         self, recording: Recording, simulated_MPa: Array | None = None
@@ -222,8 +232,12 @@ def read_model(path: str | Path) -> Stored | StoredNetwork:
         raise InputError("no such file", file=path) from None
     except RecursionError:
         raise InputError("not a JSON file: nested too deep", file=path) from None
+    except IsADirectoryError:
+        raise InputError("is a folder; name the model.json in it", file=path) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"not a JSON file: {error}", file=path) from None
+        other = path.suffix.lower() not in ("", ".json")
+        how = "; the model comes first, then the recordings" if other else f": {error}"
+        raise InputError(f"not a JSON file{how}", file=path) from None
     return from_dict(data, path)
 
 

@@ -12,6 +12,7 @@ No model is used. These are checked:
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -47,6 +48,8 @@ SNAPS, MOST = 0.01, 0.6  # the same of a tear from that share of the peak, at an
 BEGINS = 0.5  # of the range of strain: a start beyond it with no stress is an offset
 COUNTED = 5.0  # s between samples in whole numbers, as of a clock in ms
 ALIKE = 0.02  # of the range, within which two strain programmes are one
+FACTOR = 1.4  # up to it, one programme over another is a length; beyond, an amplitude
+LOADED, NEAR = 0.2, 0.1  # of the largest strain and stress: where a test goes on
 APART = 0.05  # of the range of stress, by which specimens of one programme differ
 # Kinds of material, up to a stiffness in MPa.
 KINDS = (
@@ -150,11 +153,28 @@ def _spelt(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-def fastest(time: Array, strain: Array) -> float:
+def usual_rate(time: Array, strain: Array) -> float:
     """Rate of strain [1/s] where it moves, short of the few largest steps."""
     step = np.diff(time)
     rates = np.abs(np.diff(strain))[step > 0] / step[step > 0]
     return float(np.quantile(rates, 0.95)) if len(rates) else 0.0
+
+
+def fastest(time: Array, strain: Array) -> float:
+    """The usual rate, or that of the first way to the largest strain: a step and hold.
+
+    >>> time = np.arange(100.0)
+    >>> strain = np.minimum(0.1 * time, 0.2)
+    >>> round(fastest(time, strain), 9), usual_rate(time, strain)
+    (0.1, 0.0)
+    """
+    end = int(np.argmax(np.abs(strain - strain[0])))
+    way = np.abs(strain[: end + 1] - strain[0])
+    first = max(int(np.argmax(way > 0.2 * way[-1])) - 1, 0)
+    last = int(np.argmax(way >= 0.8 * way[-1]))
+    took = time[last] - time[first]
+    ramp = float((way[last] - way[first]) / took) if took > 0 else 0.0
+    return max(usual_rate(time, strain), ramp)
 
 
 def scattered(recordings: Sequence[Recording]) -> list[str]:
@@ -178,6 +198,81 @@ def scattered(recordings: Sequence[Recording]) -> list[str]:
         "specimens; to say so yourself, write in case.toml: [specimen], and a line "
         'each, recording = "name"'
     ]
+
+
+def going_on(recordings: Sequence[Recording], history: str) -> list[str]:
+    """A note where recordings begin loaded, where the one before them ends.
+
+    A file a cycle: what the material remembers of the cycle before is lost, where each
+    is taken to begin at rest.
+    """
+    found = [
+        (before.name, one.name)
+        for before, one in itertools.pairwise(recordings)
+        if before.axes == one.axes and _goes_on(before, one)
+    ]
+    if not found or history != "fresh":
+        return []
+    first, second = found[0]
+    more = f", and {len(found) - 1} more alike" if len(found) > 1 else ""
+    return [
+        f"{second} begins loaded, where {first} ends{more}; if one test goes on in the "
+        'next file, say so in case.toml: history = "continued"'
+    ]
+
+
+def _goes_on(before: Recording, one: Recording) -> bool:
+    for name in ("strain", "stress_MPa"):
+        a, b = getattr(before, name), getattr(one, name)
+        if not (np.isfinite(a[-3:]).any() and np.isfinite(b[:3]).any()):
+            return False
+        size = max(float(np.nanmax(np.abs(a))), float(np.nanmax(np.abs(b))))
+        end, start = np.nanmean(a[-3:]), np.nanmean(b[:3])
+        if abs(start) < LOADED * size or abs(end - start) > NEAR * size:
+            return False
+    return True
+
+
+def one_size(recordings: Sequence[Recording]) -> list[str]:
+    """A note where one length given for all makes programmes differ by a factor.
+
+    A machine that pulls each specimen to the same strain of its own length.
+    """
+    sizes = {r.geometry.length_mm for r in recordings}
+    if len(recordings) < 2 or len(sizes) > 1 or None in sizes:
+        return []
+    first = recordings[0]
+    factors = [_factor(first, r) for r in recordings]
+    told = [f for f in factors if f is not None]
+    if len(told) < len(recordings) or max(told) / min(told) < 1 + ALIKE:
+        return []
+    return [
+        f"the strain programmes of {first.name} and {len(recordings) - 1} more differ "
+        f"by a factor alone, of up to {max(told) / min(told):.3g}, as where one length "
+        "is given for specimens of several; softnn diagnose FOLDER --template writes a "
+        "table for the size of each"
+    ]
+
+
+def _factor(one: Recording, other: Recording) -> float | None:
+    """By which the strain of one programme is larger; None for another programme."""
+    times = [r.time_s - r.time_s[0] for r in (one, other)]
+    lasts = times[0][-1], times[1][-1]
+    if one.axes != other.axes or min(map(len, times)) < FEWEST or min(lasts) <= 0:
+        return None
+    if not 0.98 < lasts[0] / lasts[1] < 1.02:
+        return None
+    grid = np.linspace(0.0, min(lasts), 200)
+    a, b = (
+        np.interp(grid, t, np.nan_to_num(r.strain))
+        for t, r in zip(times, (one, other), strict=True)
+    )
+    if np.ptp(a) == 0 or np.ptp(b) == 0:
+        return None
+    factor = float(a @ b / (a @ a))
+    off = np.abs(b - factor * a).max()
+    near = FACTOR > factor > 1 / FACTOR and off < ALIKE * np.ptp(b)
+    return factor if near else None
 
 
 def _apart(one: Recording, other: Recording) -> float:
@@ -289,7 +384,7 @@ def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
             f"stiffness is {stiffness:.3g} MPa, {like}; if stress is in kPa, divide it "
             "by 1000 (--unit stress=kPa), if it is a force, by the section"
         )
-    rate = fastest(time, strain)
+    rate = usual_rate(time, strain)
     counted = np.median(np.diff(time)) >= COUNTED and not np.any(time % 1)
     if 0 < rate < SLOWEST_per_s:
         notes.append(

@@ -25,7 +25,8 @@ class Progress:
     """Where a run is: its stage, steps made in that stage, seconds since it began.
 
     `share` of the stage is done, from 0 to 1, by the steps that it usually takes; 0
-    where nobody knows. `left_s` seconds are left of it, or None.
+    where nobody knows. `left_s` seconds are left of it, or None. `item` is what it is
+    at: a file.
     """
 
     stage: str  # "reading", "diagnosing" or "writing"
@@ -33,6 +34,7 @@ class Progress:
     seconds: float
     share: float = 0.0
     left_s: float | None = None
+    item: str = ""
 
 
 Listener = Callable[[Progress], None]
@@ -45,7 +47,7 @@ class _Told:
         self.listener = listener
         self.began = self.last = time.monotonic()
         self.changed = self.began
-        self.stage, self.steps, self.usual = "", 0, 0.0
+        self.stage, self.steps, self.usual, self.item = "", 0, 0.0, ""
 
     def tell(self, now: float) -> None:
         self.last = now
@@ -54,7 +56,8 @@ class _Told:
             share = _share(self.steps / self.usual)
             if share > SURE:
                 left = (now - self.changed) * (1 - share) / share
-        self.listener(Progress(self.stage, self.steps, now - self.began, share, left))
+        seconds = now - self.began
+        self.listener(Progress(self.stage, self.steps, seconds, share, left, self.item))
 
 
 _TOLD: ContextVar[_Told | None] = ContextVar("told", default=None)
@@ -94,16 +97,17 @@ def stage(name: str, usual: float = 0.0) -> None:
     """A part of the run begins, which usually takes so many steps."""
     told = _TOLD.get()
     if told is not None:
-        told.stage, told.steps, told.usual = name, 0, usual
+        told.stage, told.steps, told.usual, told.item = name, 0, usual, ""
         told.changed = time.monotonic()
         told.tell(told.changed)
 
 
-def step() -> None:
-    """The stage has come on by a step."""
+def step(item: str = "") -> None:
+    """The stage has come on by a step, and is at an item now."""
     told = _TOLD.get()
     if told is not None:
         told.steps += 1
+        told.item = item
         now = time.monotonic()
         if now - told.last > EVERY_S:
             told.tell(now)
@@ -168,6 +172,7 @@ class Shown:
         """What runs, how far it is, since when, and about how long it will take."""
         now, seconds = self.now, time.monotonic() - self.began
         told = f"{self.label}: {_SAID.get(now.stage, 'starting')}"
+        told += f" {now.item}" if now.item else ""
         if not now.share:
             return f"{told}, {spelt(seconds)}"
         full = round(20 * now.share)

@@ -16,10 +16,11 @@ from softnn.app import project as projects
 from softnn.app import work
 from softnn.app.card import worded
 from softnn.app.guard import Guard
-from softnn.app.pages import Limits, received
+from softnn.app.pages import Limits, received, sizing
 from softnn.app.runs import Runs
 from softnn.cli import main
 from softnn.contracts import InputError
+from softnn.mismatch.api import to_case
 
 LIMITS = Limits(1000, 3)
 
@@ -153,6 +154,50 @@ def test_sizes_set_with_a_click_are_what_the_command_reads(tmp_path, capsys):
     assert unit == "MPa"
     assert main(["read", str(file), "--length", "33", "--area", "18"]) == 0
     assert all(f"{v:.4g}" in capsys.readouterr().out for v in strain[:1])
+
+
+class Here:
+    """Runs what the pages ask for in this process."""
+
+    async def ask(self, work, *given):
+        return work(*given)
+
+
+SIZES = b"File;Specimen;Length [cm];Area [mm2]\nexport.csv;A;3,3;18\nx.csv;B;4;20\n"
+
+
+def test_a_table_of_sizes_is_taken_before_and_after_its_files(tmp_path):
+    (lab := tmp_path / "lab").mkdir()
+    project = projects.new(tmp_path / "out")
+    content = machine_file(lab).read_bytes()
+    many = Limits(100_000, 9)
+    sent(project, "export.csv", content, limits=many)
+    project.set_options("export.csv", {"width_mm": 2.0, "length_mm": 9.0})
+    table = sent(project, "specimens.csv", SIZES)
+    done(sizing(project, table, Here()))
+    assert [f.name for f in project.files] == ["export.csv"]
+    own = {"length_mm": 33.0, "area_mm2": 18.0, "specimen": "A"}
+    assert project.options("export.csv") == own
+    sent(project, "x.csv", content, limits=many)
+    project.sized("x.csv")
+    assert project.options("x.csv")["length_mm"] == 40
+    first, second = work.read_all(project)
+    assert (first.specimen, second.specimen) == ("A", "B")
+    assert first.geometry.length_mm == 33
+    # As `softnn diagnose` takes it of a folder.
+    (lab / "specimens.csv").write_bytes(SIZES.replace(b"x.csv;B;4;20\n", b""))
+    (one,) = to_case(lab).recordings
+    assert (one.specimen, one.geometry) == (first.specimen, first.geometry)
+
+
+def test_a_table_of_sizes_that_cannot_be_leaves_nothing(tmp_path):
+    project = projects.new(tmp_path)
+    table = sent(project, "specimens.csv", b"file,length_mm\na.csv,-3\n")
+    with pytest.raises(InputError, match="no size") as error:
+        done(sizing(project, table, Here()))
+    assert str(tmp_path) not in str(error.value)
+    assert project.files == []
+    assert project.sizes == {}
 
 
 def test_reversed_force_is_in_doubt_until_it_is_taken_as_it_is(tmp_path):

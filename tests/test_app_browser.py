@@ -272,6 +272,31 @@ def test_another_column_and_unit_are_chosen_with_a_click(page, made):
     )
 
 
+def test_a_table_of_sizes_is_dropped_before_or_after_its_files(page, tmp_path):
+    rows = "\n".join(f"{t},{t % 10},{0.5 * (t % 10)}" for t in range(40))
+    files = []
+    for name in ("a", "b", "c"):
+        file = tmp_path / f"{name}.csv"
+        file.write_text(f"Time (s),Extension (mm),Load (N)\n{rows}\n")
+        files.append(file)
+    dropped(page, files[:1])
+    page.get_by_text("no cross-section").wait_for()
+    sizes = tmp_path / "specimens.csv"
+    sizes.write_text("File;Length (mm);Area (mm2)\na;40;10,5\nb;20;10,5\nd;1;1\n")
+    page.set_input_files("#drop input", [str(sizes), str(files[1])])
+    page.wait_for_function(SEEN.format(2))
+    for text in ("length 40 mm, section 10.5 mm2", "length 20 mm, section 10.5 mm2"):
+        page.get_by_text(text).wait_for()
+    line = page.get_by_text("specimens.csv gives the sizes of 2 of 2 files.")
+    assert "It names d, not dropped here." in line.inner_text()
+    assert page.get_by_text("not read", exact=True).count() == 0
+    # A correction counts for more than the table.
+    card = page.get_by_label("a.csv", exact=True)  # open: it lacked its sizes
+    card.get_by_label("Length [mm]").fill("80")
+    card.get_by_label("Length [mm]").press("Tab")
+    card.get_by_text("length 80 mm, section 10.5 mm2").wait_for()
+
+
 # -- runs ------------------------------------------------------------------------------
 
 

@@ -108,9 +108,40 @@ def test_sizes_of_each_specimen_come_from_the_table_that_the_command_writes(
     pd.testing.assert_frame_equal(pd.read_csv(table, dtype=str), frame)
 
 
+TABLES = {
+    "no endings": b"file,specimen,length_mm,area_mm2\na,A,25,18\nb,B,25,18\n",
+    "German": "Datei;Probe;Messl\u00e4nge (cm);Querschnitt (mm\u00b2);Bemerkung\n"
+    "a.csv;A;2,5;18;neu\nday 2/b.csv;B;2,5;18;\n".encode("cp1252"),
+    "UTF-16": "File\tSpecimen\tLength [mm]\tArea [mm2]\n"
+    "a.csv\tA\t25\t18\nb.csv\tB\t25\t18\n".encode("utf-16"),
+}
+
+
+@pytest.mark.parametrize("name", ["specimens.csv", "Specimens.csv"])
+@pytest.mark.parametrize("table", TABLES)
+def test_a_table_of_sizes_as_labs_write_it(table, name, lab):
+    (lab / name).write_bytes(TABLES[table])
+    case = to_case(lab)
+    assert case.specimen == {"a": "A", "b": "B"}
+    np.testing.assert_allclose(case.recordings[0].stress_MPa, STRESS, atol=1e-6)
+
+
+def test_a_table_of_sizes_in_a_workbook(lab):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (["file", "length_mm", "area_mm2"], ["a", 25, 18], ["b", 25, 9]):
+        book.active.append(row)
+    book.save(lab / "specimens.xlsx")
+    first, second = to_case(lab).recordings
+    np.testing.assert_allclose(first.stress_MPa, STRESS, atol=1e-6)
+    assert second.geometry.area == 9
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        ("file,Width\na.csv,3\n", "write it as width_mm"),
+        ("file,length_mm,Length [cm]\na.csv,3,3\n", "twice"),
         ("file,length_mm\nc.csv,3\n", "did you mean 'a.csv'"),
         ("file,lenght_mm\na.csv,3\n", "did you mean 'length_mm'"),
         ("name,length_mm\na.csv,3\n", "no column 'file'"),
@@ -165,6 +196,46 @@ def test_copies_by_content_are_no_second_specimen(tmp_path):
     one, other = (softnn.read(tmp_path / f)[0] for f in ("a.csv", "b.txt"))
     found = softnn.diagnose([one, other], "hooke")
     assert len(found.case.recordings) == 1
+
+
+def test_the_same_test_in_fewer_samples_or_digits_is_a_copy(tmp_path):
+    written(tmp_path / "processed" / "a.csv", TIDY, TIME[::3], STRAIN[::3], STRESS[::3])
+    written(tmp_path / "raw" / "test 1.csv", HEADER, TIME, WAY, LOAD)
+    written(tmp_path / "a_short.csv", TIDY, TIME, [f"{v:.5f}" for v in STRAIN],
+            [f"{v:.5f}" for v in STRESS])  # fmt: skip
+    case = to_case(tmp_path, length_mm=25, area_mm2=18)
+    assert len(case.recordings) == 1
+    assert len(case.recordings[0]) == len(TIME)
+    assert sum("a copy of" in note for note in case.notes) == 2
+
+
+def test_a_file_a_cycle_is_told_and_a_new_test_is_not(tmp_path):
+    for k in range(3):
+        part = slice(80 * k, 80 * k + 80)
+        written(tmp_path / f"{k}.csv", TIDY, TIME[part], STRAIN[part], STRESS[part])
+    (note,) = to_case(tmp_path).notes
+    assert "1 begins loaded, where 0 ends, and 1 more alike" in note
+    (tmp_path / "case.toml").write_text('history = "continued"\n')
+    assert to_case(tmp_path).notes == ()
+    other = written(tmp_path / "other" / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    again = written(tmp_path / "other" / "b.csv", TIDY, TIME, STRAIN, 1.01 * STRESS)
+    assert to_case([other, again]).notes == ()
+
+
+def test_one_length_for_specimens_of_several_is_told(tmp_path):
+    files = [
+        written(tmp_path / f"{k}.csv", HEADER, TIME, factor * WAY, LOAD * (1 + k / 50))
+        for k, factor in enumerate((1, 1.1, 0.95))
+    ]
+    (note,) = to_case(files, length_mm=25, area_mm2=18).notes
+    assert "factor" in note
+    assert "--template" in note
+    # Amplitudes of one specimen differ by more.
+    files = [
+        written(tmp_path / "b" / f"{k}.csv", HEADER, TIME, k * WAY / 3, k * LOAD / 3)
+        for k in (1, 2, 3)
+    ]
+    assert to_case(files, length_mm=25, area_mm2=18).notes == ()
 
 
 # -- a simulation beside the recordings ------------------------------------------------
@@ -262,6 +333,46 @@ def test_ctrl_c_ends_with_one_line(tmp_path):
     assert "Traceback" not in rest
     assert rest.strip().splitlines()[-1].startswith("softnn: stopped")
     assert not list((tmp_path / "out").rglob("*.json"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("read FOLDER", "no recordings in it"),
+        ("diagnose FOLDER --template", "no recordings in it"),
+        ("simulate a.csv m.json --out o", "the model comes first"),
+        ("simulate FOLDER a.csv --out o", "is a folder; name the model.json in it"),
+        ("simulate m.json EMPTY --out o", "an argument is empty"),
+        ("export m.json --to c --out o/motor.c", "say --out o --name motor"),
+    ],
+)
+def test_what_is_given_in_the_wrong_place_is_told(
+    words, said, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "FOLDER").mkdir()
+    written(tmp_path / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    given = ["" if w == "EMPTY" else w for w in words.split()]
+    code, out, err = told(capsys, *given)
+    assert code == 2
+    assert said in err
+    assert err.count("\n") == 1
+    assert (out, sorted(p.name for p in tmp_path.iterdir())) == (
+        "",
+        ["FOLDER", "a.csv"],
+    )
+
+
+def test_files_are_named_while_they_are_read(lab):
+    heard = []
+    with progress.heard(lambda now: heard.append(now)):
+        to_case(lab, length_mm=25, area_mm2=18)
+    assert {"reading"} == {now.stage for now in heard}
+    shown = progress.Shown("lab", quiet=True)
+    shown(progress.Progress("reading", 2, 1.0, 0.5, 8.0, "b.csv"))
+    line = shown.line()
+    assert "lab: reading b.csv [##########----------]" in line
+    assert line.endswith("about 8 s left")
 
 
 # -- simulate, and Python --------------------------------------------------------------

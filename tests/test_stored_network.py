@@ -9,6 +9,8 @@ import pytest
 
 from softnn import cli
 from softnn.contracts import Chunk, InputError
+from softnn.model_file import Stored
+from softnn.models.units import Units
 from softnn.neural import (
     Network,
     Regularisation,
@@ -28,6 +30,17 @@ def pull(peak, seconds, n=400):
 
 
 PULLS = {"a": (0.4, 20.0), "b": (0.6, 10.0), "c": (0.5, 40.0), "d": (0.6, 30.0)}
+
+
+def test_a_network_and_a_model_are_shown_in_short(network):
+    model = replace(network, seen=Seen((0.0, 0.6), (0.0, 1.0)))
+    assert len(repr(model)) < 200
+    assert "up to a strain of 0.6" in repr(model)
+    assert model._repr_html_().count("<polyline") == 1
+    units = Units("hooke", (0.0, 1.0))
+    spring = Stored(units, np.array([2.0]), (), (), False, "fresh")
+    assert repr(spring) == "<Model of stress: hooke; no effects>"
+    assert spring._repr_html_().count("<polyline") == 1
 
 
 def stress_of(strain):

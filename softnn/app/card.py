@@ -87,6 +87,7 @@ class Card:
 
     def __init__(self, sheet: Sheet, file: Path) -> None:
         self.sheet, self.name, self.file_ = sheet, file.name, file
+        self.read_with: dict[str, Any] = {}
         self.place = tag("article", classes="file", aria_label=file.name)
         with self.place:
             with tag("div", classes="head"):
@@ -108,14 +109,20 @@ class Card:
     def options(self) -> dict[str, Any]:
         return self.sheet.project.options(self.name)
 
+    @property
+    def changed(self) -> bool:
+        """Whether other options are wanted than those it was read with."""
+        return self.read_with != self.options
+
     async def remove(self) -> None:
         self.sheet.project.remove(self.name)
         await self.sheet.read()
 
     async def read(self) -> None:
         """Read the file as chosen, and show what came of it."""
-        given = self.options
-        as_is = bool(given.pop("as_is", False))
+        given = self.read_with = self.options
+        as_is = bool(given.get("as_is", False))
+        given = {k: v for k, v in given.items() if k != "as_is"}
         first = self.name not in self.sheet.seen
         try:
             told = await self.sheet.runs.ask(work.understand, self.file_, given, as_is)

@@ -20,6 +20,7 @@ from softnn.app.runs import Runs
 from softnn.app.sheet import Sheet
 from softnn.app.training import Training
 from softnn.contracts import InputError
+from softnn.readers.sizes import NAMES
 
 ICON = (
     "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'>"
@@ -113,6 +114,10 @@ def register(out: Path, runs: Runs, limits: Limits, local: bool) -> None:
             place = await received(project, given, request.stream(), limits)
             if place.suffix.lower() == ".json":
                 await simulating(project, place, runs)
+            elif given.casefold() in NAMES:
+                await sizing(project, place, runs)
+            else:
+                project.sized(place.name)
         except InputError as error:
             return PlainTextResponse(str(error), 400)
         return PlainTextResponse("taken")
@@ -148,6 +153,14 @@ async def simulating(project: Project, file: Path, runs: Runs) -> None:
             project.choose(base="")
         raise InputError(f"no model: {error}") from None
     project.choose(base=MODEL)
+
+
+async def sizing(project: Project, file: Path, runs: Runs) -> None:
+    """Take a table of sizes, as `softnn diagnose` does of a folder."""
+    try:
+        project.keep_sizes(await runs.ask(work.sizes_of, file))
+    finally:
+        file.unlink()
 
 
 def earlier(out: Path, runs: Runs, then: str = "") -> None:

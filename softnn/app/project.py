@@ -3,6 +3,7 @@
     OUT/20261128-143205-1f3a90c2/
         files/         dropped recordings, under harmless names
         base.json      a dropped model
+        specimens.json sizes of each file, of a dropped table
         choices.json   options of each file, the base
         found/         the files of `softnn diagnose`
         network/       the files of the study of networks
@@ -26,6 +27,7 @@ from typing import Any
 
 from softnn.contracts import InputError
 from softnn.json_file import write
+from softnn.readers.sizes import row_of
 
 NAMED = re.compile(r"\d{8}-\d{6}-[0-9a-f]{8}")
 MODEL = "base.json"  # a model that was dropped, to simulate with
@@ -110,6 +112,23 @@ class Project:
             number += 1
             wanted = f"{stem}-{number}{dot}{ends}"
         return place / wanted
+
+    @property
+    def sizes(self) -> dict[str, Any]:
+        """The dropped table of sizes: a row by file."""
+        return _json(self.folder / "specimens.json") or {}
+
+    def keep_sizes(self, table: dict[str, Any]) -> None:
+        """Keep a table of sizes, and give each file that it names its own."""
+        write(self.folder / "specimens.json", table)
+        for file in self.files:
+            self.sized(file.name)
+
+    def sized(self, name: str) -> None:
+        """Give a file what the table says of it; a correction after it counts more."""
+        if row := row_of(self.sizes, name):
+            given = self.options(name) | row
+            self.set_options(name, {k: v for k, v in given.items() if v is not None})
 
     def remove(self, name: str) -> None:
         for file in self.files:

@@ -22,6 +22,7 @@ from softnn.app.parts import (
 )
 from softnn.app.project import MODEL, Project
 from softnn.app.runs import Runs
+from softnn.readers.sizes import called, row_of
 from softnn.report.page import BASES
 
 # Options of one specimen alone: not copied to other files.
@@ -83,7 +84,12 @@ class Sheet:
         self.sizes()
         self.simulation()
         self.watch()
-        await self.again([n for n in files if n not in self.seen])
+        # A table of sizes, dropped now, changes those seen before.
+        new = [n for n in files if n not in self.seen]
+        other = [n for n in files if n in self.seen and self.cards[n].changed]
+        for name in other:
+            self.cards[name].form()
+        await self.again([*new, *other])
 
     def chosen(self, **changed: Any) -> None:
         self.project.choose(**changed)
@@ -133,6 +139,22 @@ class Sheet:
                 all(self.project.options(f).get("compression") for f in files),
                 partial(self.for_all, "compression"),
             )
+            self.table(files)
+
+    def table(self, files: list[str]) -> None:
+        """What a table of sizes that was dropped is of."""
+        rows = self.project.sizes
+        if not rows:
+            tag("p", "A table specimens.csv, dropped too, gives each its own.", "soft")
+            return
+        of = [f for f in files if row_of(rows, f)]
+        names = {n for f in files for n in called(f)}
+        lost = [name for name in rows if name not in names]
+        text = f"specimens.csv gives the sizes of {len(of)} of {len(files)} files."
+        if lost:
+            text += f" It names {', '.join(lost[:3])}, not dropped here"
+            text += f", and {len(lost) - 3} more." if len(lost) > 3 else "."
+        tag("p", text, "say" if lost else "soft", role="status")
 
     # -- simulation --------------------------------------------------------------------
 

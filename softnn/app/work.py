@@ -34,6 +34,7 @@ from softnn.plausible import check_plausible, understood
 from softnn.progress import Progress, heard, stage
 from softnn.readers import ReadOptions
 from softnn.readers.lacking import NoRecording
+from softnn.readers.sizes import read_sizes
 from softnn.readers.source import open_source
 from softnn.readers.table import find_tables
 from softnn.readers.units import known
@@ -196,6 +197,14 @@ def diagnose(project: Project) -> None:
     (project.folder / "found" / "asked").write_text(digest)
     project.tell("diagnose", ended="done", line=found.summary)
     _log(project)
+
+
+def sizes_of(file: Path) -> dict[str, dict[str, Any]]:
+    """What a dropped table of sizes says. Raises `InputError`."""
+    try:
+        return read_sizes(file)
+    except InputError as error:
+        raise InputError(_said(error, file)) from None
 
 
 def check_model(file: Path) -> None:

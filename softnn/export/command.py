@@ -23,6 +23,7 @@ FORMS = (
 
 
 CARDS = ("abaqus", "ansys")
+ENDINGS = (".c", ".h", ".fmu", ".onnx", ".inp", ".mac", ".txt")  # of no folder
 
 
 def add_export(commands: Any) -> None:
@@ -76,6 +77,12 @@ def run(arguments: argparse.Namespace) -> int:
     from softnn.export.files import Options, export, write
     from softnn.model_file import read_model
 
+    out = Path(arguments.out)
+    if out.suffix in ENDINGS and not out.is_dir():
+        raise InputError(
+            f"--out is {arguments.out!r}, and names a folder; say --out "
+            f"{out.parent} --name {out.stem}"
+        )
     model = read_model(arguments.model)
     name = arguments.name or Path(arguments.model).stem
     options = Options(

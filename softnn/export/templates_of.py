@@ -110,8 +110,11 @@ def remark(text: object, most: int = 100) -> str:
 
     >>> remark("a */ b\\n#include <x> ** é")
     'a b include x'
+    >>> remark("off by 3 %: too much")
+    'off by 3 per cent: too much'
     """
-    return " ".join(re.sub(r"[^A-Za-z0-9 ,.;:+()_=-]+", " ", str(text)).split())[:most]
+    plain = str(text).replace("%", "per cent")  # a sign of its own in some codes
+    return " ".join(re.sub(r"[^A-Za-z0-9 ,.;:+()_=-]+", " ", plain).split())[:most]
 
 
 def indented(text: str, by: int = 4) -> str:

@@ -24,7 +24,14 @@ from softnn.mismatch.case import (
 )
 from softnn.mismatch.diagnosis import Diagnosis
 from softnn.model_file import Stored, read_model
-from softnn.plausible import accidents, check_plausible, scattered, understood
+from softnn.plausible import (
+    accidents,
+    check_plausible,
+    going_on,
+    one_size,
+    scattered,
+    understood,
+)
 from softnn.progress import Listener, heard, stage
 from softnn.readers import ReadOptions
 from softnn.readers.arguments import as_arguments
@@ -112,7 +119,9 @@ def plausible(case: Case, as_is: bool = False) -> Case:
         r, told = accidents(r)
         kept.append(r)
         notes += told
-    notes += [] if case.groups() else scattered(case.recordings)
+    notes += going_on(case.recordings, case.history)
+    if not case.groups():
+        notes += one_size(case.recordings) or scattered(case.recordings)
     return replace(case, recordings=tuple(kept), notes=(*case.notes, *notes))
 
 

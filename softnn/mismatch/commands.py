@@ -160,7 +160,10 @@ def _template(arguments: argparse.Namespace) -> int:
             raise InputError("no such folder; --template is for folders", file=folder)
         inner = folder / "recordings"
         inner = inner if inner.is_dir() else folder
-        files, _ = files_of(inner, arguments.skip)
+        files, notes = files_of(inner, arguments.skip)
+        if not files:
+            passed = f"; passed over: {'; '.join(notes[:5])}" if notes else ""
+            raise InputError(f"no recordings in it{passed}", file=folder)
         path = write_template(inner, files, options_of(arguments), readers.read)
         print(
             f"{path}: a row a recording. Fill in the sizes in mm (mm2 of an area), "

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from softnn import glance
 from softnn.axes import SPECIMEN
 from softnn.contracts import Array, Chunk, InputError
 from softnn.neural.fitting import run
@@ -21,7 +22,7 @@ KIND = "softnn-network"
 VERSION = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StoredNetwork:
     """A network with the inputs it wants: stress of a strain history.
 
@@ -35,6 +36,16 @@ class StoredNetwork:
     seen: Seen | None = None
     needs_simulated = False
     axes = SPECIMEN
+
+    def __repr__(self) -> str:
+        count = len(self.network.hidden)
+        return (
+            f"<Network {self.architecture} of {count} neuron{'s'[: count != 1]}, "
+            f"trained up to a strain of {self.known.strain[1]:.3g}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return glance.model_html(self, self.known.strain[1])
 
     @property
     def source(self) -> dict[str, Any]:

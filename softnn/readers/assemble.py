@@ -7,6 +7,7 @@ recording's log, and a missing value is an error that names the option.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,14 +18,29 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.readers.chosen import Chosen
+from softnn.readers.clocks import spread
 from softnn.readers.header import header_number
 from softnn.readers.lacking import Lacking, NoRecording, placed
+from softnn.readers.measures import STRAIN, STRESS, measure
 from softnn.readers.numbers import FEW, MANY, decimal_mark, numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
-from softnn.readers.table import Table, find_tables, has_role
+from softnn.readers.table import (
+    Table,
+    by_specimen,
+    find_tables,
+    has_role,
+    without_twins,
+)
 from softnn.readers.units import parse_unit
-from softnn.readers.vocabulary import DIMENSION, REMARK, TRUE, plain, rank
+from softnn.readers.vocabulary import (
+    COMPRESSIVE,
+    DIMENSION,
+    HEIGHT,
+    REMARK,
+    plain,
+    rank,
+)
 from softnn.recording import Recording, Step
 from softnn.start import ODD, OFFSET, beginning, stale, start
 
@@ -32,6 +48,9 @@ from softnn.start import ODD, OFFSET, beginning, stale, start
 # 20 GPa is beyond any wire.
 MAX_STRAIN = 100.0
 MAX_STRESS = 20_000.0
+LOST = 5  # samples or a fiftieth, that may stand far off together
+AGAINST = -0.5  # correlation of load and travel, where one has the sign reversed
+ROUNDED = "{!r} is rounded, and rows share a time: they are spread evenly"
 DISAGREE = 3.0  # a column against force / area or displacement / length
 
 
@@ -47,6 +66,8 @@ def assemble(
 
 class _Assembly(Chosen):
     """The recording made of the columns."""
+
+    turned = False  # whether the load changes sign to go with the travel
 
     def recording(self) -> Recording:
         table, options = self.table, self.options
@@ -71,9 +92,7 @@ class _Assembly(Chosen):
         self.check_size(stress, MAX_STRESS, "stress [MPa]", "--area")
         self.note_jumps(strain, "strain")
         self.note_jumps(stress, "stress")
-        if "true stress" in self.used:
-            # sigma_nominal = sigma_true / stretch, for a volume that stays
-            stress = stress / (1 + strain)
+        stress = self.nominal(stress, strain)
         arguments: dict[str, Any] = {
             "dialect": self.rules.dialect,
             "columns": self.used,
@@ -136,7 +155,7 @@ class _Assembly(Chosen):
                     self.table, i, self.decimal, self.options.skip_bad_cells
                 )
                 self.used["simulated"] = str(column)
-                sign = -1.0 if self.flipped(column, "stress") else 1.0
+                sign = -1.0 if self.flipped(column, "stress") != self.turned else 1.0
                 return sign * values * unit.factor
         return None
 
@@ -165,6 +184,12 @@ class _Assembly(Chosen):
         assert stress is not None
         assert strain is not None
         assert time is not None
+        turn_strain, self.turned = self.one_sign(strain, stress)
+        if turn_strain:
+            strain = -strain
+            elongation = None if elongation is None else -elongation
+        if self.turned:
+            stress, force = -stress, None if force is None else -force
         return force, stress, strain, elongation, time
 
     def force_and_stress(self) -> tuple[Array | None, Array]:
@@ -201,9 +226,8 @@ class _Assembly(Chosen):
         if options.has_area and not options.stress:
             self.notes.append("no force to use the given section on")
         if stress is not None:
-            if TRUE.search(plain(self.used["stress"])):
-                self.used["true stress"] = self.used.pop("stress")
-                self.notes.append("true stress made nominal, volume taken as constant")
+            if measure(plain(self.used["stress"]), STRESS):
+                pass  # made nominal once the strain is known
             elif force is not None and area is not None:
                 self.agree(stress, force / area, "stress", "force / area")
             return stress
@@ -216,6 +240,55 @@ class _Assembly(Chosen):
             self.header.refuse_unknown(("area", "width", "thickness", "diameter"))
             raise Lacking(["area"])
         return force / area
+
+    def nominal(self, stress: Array, strain: Array) -> Array:
+        """A column of another stress made nominal, force over the first section."""
+        other = measure(plain(self.used.get("stress", "")), STRESS)
+        if other is None:
+            return stress
+        self.notes.append(other[0])
+        return stress * other[1](1 + strain)
+
+    def note_fraction(self, strain: Array) -> None:
+        """A note where a column without a unit, taken as it stands, goes beyond 1."""
+        name = self.used["strain"]
+        top = float(np.nanmax(np.abs(strain), initial=0.0))
+        bare = any(str(c) == name and not self.unit_of(c, "strain")
+                   for c in self.table.columns)  # fmt: skip
+        if bare and top > 1:
+            self.notes.append(
+                f"{name!r} has no unit and is taken as a fraction, up to "
+                f"{100 * top:.4g} %; if it is in per cent, say --unit '{name}=%'"
+            )
+
+    def one_sign(self, strain: Array, load: Array) -> tuple[bool, bool]:
+        """Whether the strain or the load has to change sign to go with the other.
+
+        One is compression by its name, or a gap that closes, and counts so; the other
+        has a name of no direction, and grows where it should fall.
+        """
+        options = self.options
+        told = options.compression or options.flip or self.rules.compression
+        travel, pull = (
+            next((r for r in roles if r in self.names), "")
+            for roles in (("displacement", "strain"), ("force", "stress"))
+        )
+        name = self.names.get(travel, "")
+        shut = COMPRESSIVE.search(name) or HEIGHT.search(name)
+        pressed = COMPRESSIVE.search(self.names.get(pull, ""))
+        good = np.isfinite(strain) & np.isfinite(load)
+        if told or bool(shut) == bool(pressed) or good.sum() < 5:
+            return False, False
+        if not (np.ptp(strain[good]) > 0 and np.ptp(load[good]) > 0):
+            return False, False
+        if np.corrcoef(strain[good], load[good])[0, 1] > AGAINST:
+            return False, False
+        named, other = (travel, pull) if shut else (pull, travel)
+        self.notes.append(
+            f"{self.used[other]!r} is turned: it counts compression as positive, as "
+            f"{self.used[named]!r} tells"
+        )
+        return not shut, bool(shut)
 
     def left_out(self, bad: Sequence[tuple[int, str]]) -> None:
         """Rows that fit no column are left out if the user says so, else refused."""
@@ -323,9 +396,11 @@ class _Assembly(Chosen):
             self.notes.append("no displacement to use --length on")
         strain = self.read("strain")
         if strain is not None:
-            if TRUE.search(plain(self.used["strain"])):
-                self.notes.append("true strain made engineering strain, exp(e) - 1")
-                strain = np.expm1(np.minimum(strain, 50.0))
+            other = measure(plain(self.used["strain"]), STRAIN)
+            if other is not None:
+                self.notes.append(other[0])
+                strain = other[1](strain)
+            self.note_fraction(strain)
             strain = self.zeroed(strain, load, "strain")
             elongation = self.optional("displacement")
             length = self.geometry.length_mm
@@ -368,7 +443,11 @@ class _Assembly(Chosen):
             return np.arange(float(len(self.table.rows))) * options.interval_s
         time = self.read("time")
         if time is not None:
-            return time
+            even = spread(time)
+            if even is None:
+                return time
+            self.notes.append(ROUNDED.format(self.used["time"]))
+            return even
         if options.rate_per_s is not None:
             if strain is None:
                 return None
@@ -377,7 +456,7 @@ class _Assembly(Chosen):
                 raise InputError("strain has gaps, so --rate gives no time")
             self.used["time"] = f"strain at {options.rate_per_s:g} 1/s (--rate)"
             return np.asarray(np.cumsum(steps) / options.rate_per_s, dtype=float)
-        raise Lacking(["time"], have=self.have())
+        raise Lacking(["time"], have=self.have() + self.speed_told())
 
     def rate(self) -> float | None:
         if self.options.rate_per_s is not None:
@@ -386,6 +465,11 @@ class _Assembly(Chosen):
         if len(speeds) == 1 and self.geometry.length_mm is not None:
             return speeds.pop() / self.geometry.length_mm
         return None
+
+    def speed_told(self) -> str:
+        """The rate that the header's speed would give, to be said by the user."""
+        rate = self.rate()
+        return "" if rate is None else f" (and the header's speed: --rate {rate:.4g})"
 
     # -- checks ---------------------------------------------------------------------
 
@@ -397,11 +481,7 @@ class _Assembly(Chosen):
                 "no time; every row needs one. Leave such rows out with "
                 "--skip-bad-cells, if they are few",
             ),
-            (
-                np.diff(time, prepend=time[:1]) < 0,
-                "time goes backwards; sort the rows, split the file where a new test "
-                "begins, or replace its clock with --interval SECONDS",
-            ),
+            (np.diff(time, prepend=time[:1]) < 0, backwards(time)),
         ):
             if bad.any():
                 raise InputError(
@@ -423,19 +503,29 @@ class _Assembly(Chosen):
             )
 
     def note_jumps(self, values: Array, what: str) -> None:
-        """Single samples far off both neighbours: a fault of the file, left in it."""
-        steps = np.diff(values)
+        """Samples far off both neighbours, one or a few: left in, and told."""
         finite = values[np.isfinite(values)]
         if finite.size < 20:
             return
         far = 0.2 * np.ptp(finite)
-        alone = (np.abs(steps[:-1]) > far) & (np.abs(steps[1:]) > far)
-        alone &= steps[:-1] * steps[1:] < 0
-        if alone.any():
-            row = int(self.table.lines[int(alone.argmax()) + 1])
+        steps = np.diff(values)
+        big = np.flatnonzero(np.abs(steps) > far)
+        most = max(LOST, len(values) // 50)
+        if len(big) > most:  # it swings: only single samples tell
+            most = 1
+        alone = [
+            (int(a) + 1, int(b) - int(a))
+            for a, b in itertools.pairwise(big)
+            if b - a <= most
+            and steps[a] * steps[b] < 0
+            and abs(values[b + 1] - values[a]) < far / 2
+        ]
+        if alone:
+            row = int(self.table.lines[alone[0][0]])
+            count = sum(n for _, n in alone)
             self.notes.append(
-                f"{int(alone.sum())} single samples of {what} stand far off their "
-                f"neighbours, the first in row {row}"
+                f"{count} samples of {what} stand far off their neighbours, the first "
+                f"in row {row}"
             )
 
     def agree(
@@ -460,6 +550,28 @@ class _Assembly(Chosen):
             )
 
 
+def backwards(time: Array) -> str:
+    """What is wrong with a clock that goes back, and what to do.
+
+    >>> backwards(np.array([0.0, 0.1, 0.2, 0.0, 0.1, 0.2]))[:54]
+    'time starts again, as where a second test or step begi'
+    """
+    step = np.diff(time)
+    if np.all(step <= 0):
+        return "time runs from the last row to the first; sort the rows by time"
+    again = np.flatnonzero(step < 0)
+    if len(again) and time[again[0] + 1] <= time[0] + 2 * abs(np.nanmedian(step)):
+        return (
+            "time starts again, as where a second test or step begins; split the file "
+            "there if it is another test, or, if one test goes on, number its samples "
+            f"with --interval {np.nanmedian(step):.4g}"
+        )
+    return (
+        "time goes backwards; sort the rows, split the file where a new test begins, "
+        "or replace its clock with --interval SECONDS"
+    )
+
+
 def recordings(
     tables: list[Table], rules: Rules, options: ReadOptions, file: Path
 ) -> list[Recording]:
@@ -474,7 +586,9 @@ def recordings(
             file=file,
         )
     decimal = options.decimal or decimal_mark(tables, file)
-    tables = _joined(tables)
+    tables = [
+        part for table in _joined(tables) for part in by_specimen(without_twins(table))
+    ]
     chosen = [t for t in tables if _is_test(t, options)]
     if not chosen:
         chosen = [max(tables, key=lambda t: len(t.rows))]

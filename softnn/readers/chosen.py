@@ -14,24 +14,31 @@ from softnn.contracts import Array, InputError
 from softnn.readers.clocks import clock, is_clock, since_an_epoch
 from softnn.readers.columns import Column
 from softnn.readers.header import header_geometry
-from softnn.readers.lacking import Lacking
+from softnn.readers.lacking import USUAL, Lacking
+from softnn.readers.measures import unusual
 from softnn.readers.numbers import numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.table import Table
-from softnn.readers.units import WEIGHTS, Unit, parse_unit
+from softnn.readers.units import READINGS, WEIGHTS, Unit, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
     COMPRESSIVE,
     DIMENSION,
+    GAUGE,
     HEIGHT,
     ROLES,
     STRETCH,
-    TRUE,
     plain,
     rank,
 )
 from softnn.recording import Geometry
 from softnn.start import start
+
+# What loggers write where there is no reading, and how far off all others it must be.
+SENTINELS = (-999.0, -9999.0, -99999.0, -999.25, 999.0, 9999.0, 99999.0, 999999.0,
+             -32768.0, 32767.0, 1e10, -1e10, 1e20, -1e20, 1e30, -1e30)  # fmt: skip
+FAR = 5.0
+DIFFERS = 0.02  # of the range, by which two columns say different things
 
 
 class Chosen:
@@ -49,9 +56,10 @@ class Chosen:
         self.table, self.rules, self.options = table, rules, options
         self.decimal = decimal
         self.used: dict[str, str] = {}
+        self.names: dict[str, str] = {}  # plain, of the columns used
         self.cells: dict[int, Array] = {}  # of columns that were used
         self.notes = [*rules.notes, *table.notes]
-        self.header = header_geometry(table.header)
+        self.header = header_geometry((*table.header, *table.constants()))
         known_geometry = {**self.header.values, **rules.geometry}
         if options.length_mm is None:
             self.notes += self.header.notes
@@ -75,7 +83,13 @@ class Chosen:
                 self.notes.append(f"no column {name!r}, of which a unit was given")
 
     def candidates(self, role: str) -> list[int]:
-        """Columns that may play a role, best first."""
+        """Columns that may play a role, best first; empty ones only by name."""
+        if getattr(self.options, role):
+            return self.ranked(role)
+        return [i for i in self.ranked(role) if self.table.filled(i)]
+
+    def ranked(self, role: str) -> list[int]:
+        """Columns by name and unit, whatever they hold."""
         wanted = getattr(self.options, role)
         columns = self.table.columns
         if wanted:
@@ -107,7 +121,7 @@ class Chosen:
             place = rank(role, column.plain)
             if place is not None and column.plain not in self.rules.ignore:
                 stamps = role == "time" and is_clock(self.table.cells(i))
-                ranked.append((TRUE.search(column.plain) is not None, stamps, place, i))
+                ranked.append((unusual(column.plain), stamps, place, i))
         return [i for *_, i in sorted(ranked)]
 
     def find(self, role: str) -> tuple[int, Unit] | None:
@@ -158,7 +172,10 @@ class Chosen:
             if not text:
                 values, _ = numbers(self.table, i, self.decimal, skip_bad=True)
                 epoch = since_an_epoch(values)
-                return None if epoch is None else Unit("time", epoch[0])
+                # A name that is but a unit: `seconds`, `millis`.
+                return (
+                    parse_unit(column.name) if epoch is None else Unit("time", epoch[0])
+                )
         if role == "force" and text.casefold() in WEIGHTS:
             return parse_unit(WEIGHTS[text.casefold()])
         if role == "strain" and STRETCH.search(column.plain):
@@ -172,6 +189,12 @@ class Chosen:
 
     def refuse(self, column: Column, role: str) -> None:
         text = self.unit_of(column, role)
+        if text.casefold() in READINGS:
+            raise InputError(
+                f"column {column.name!r} is in {text!r}, a reading that softnn cannot "
+                f"calibrate; multiply it by its calibration, save it in {USUAL[role]} "
+                "and name the unit in its heading"
+            )
         raise Lacking(
             units={column.name: role}, unknown={column.name: text} if text else None
         )
@@ -208,6 +231,8 @@ class Chosen:
         values, bad = numbers(self.table, i, self.decimal, self.options.skip_bad_cells)
         if bad:
             self.notes.append(f"{bad} cells of {column.name!r} are no numbers: missing")
+        if role != "time":
+            values = self.without_sentinels(values, column)
         infinite = ~np.isfinite(values) & ~np.isnan(values)
         huge = infinite | (np.abs(values) > (1e19 if role == "time" else 1e15))
         if huge.any():
@@ -230,6 +255,8 @@ class Chosen:
         text = self.unit_of(column, role)
         shown = str(replace(column, unit=text))
         self.used[label or role] = shown
+        self.names[label or role] = column.plain
+        self.note_rivals(role, i, values)
         if role == "strain" and unit.offset == -1:
             self.notes.append(f"{column.name!r} is a stretch ratio: 1 subtracted")
         if role == "force" and text.casefold() in WEIGHTS:
@@ -244,6 +271,50 @@ class Chosen:
                 values = values - start(values[self.first :])
         sign = -1.0 if role != "temperature" and self.flipped(column, role) else 1.0
         return sign * values
+
+    def without_sentinels(self, values: Array, column: Column) -> Array:
+        """The values (n,) without the numbers that loggers write for no reading."""
+        for one in SENTINELS:
+            at = values == one
+            rest = values[~at & np.isfinite(values)]
+            if at.any() and len(rest) and FAR * np.abs(rest).max() < abs(one):
+                self.notes.append(
+                    f"{at.sum()} cells of {column.name!r} are {one:g}, far off all "
+                    "others, as loggers write where there is no reading: missing"
+                )
+                values = np.where(at, np.nan, values)
+        return values
+
+    def note_rivals(self, role: str, used: int, values: Array) -> None:
+        """A note on columns that might as well be meant, and hold something else."""
+        if getattr(self.options, role) or role in self.rules.columns or role == "time":
+            return
+        if self.table.nameless:
+            return
+        place, rivals = rank(role, self.table.columns[used].plain), []
+        for i in self.candidates(role):
+            column = self.table.columns[i]
+            unit = parse_unit(self.unit_of(column, role))
+            if i == used or unit is None or unit.dimension != DIMENSION[role]:
+                continue
+            if unusual(column.plain):
+                continue
+            gauge = role == "displacement" and GAUGE.search(column.plain)
+            if rank(role, column.plain) != place and not gauge:
+                continue
+            other = numbers(self.table, i, self.decimal, skip_bad=True)[0] * unit.factor
+            good = np.isfinite(values) & np.isfinite(other)
+            if good.any():
+                a, b = (v[good] - v[good][0] for v in (values, other))
+                differs = np.abs(a - b).max() > DIFFERS * np.ptp(a) > 0
+            if good.any() and differs:
+                rivals.append(str(column))
+        if rivals:
+            self.notes.append(
+                f"{self.used[role]!r} is taken as {role}, not {', '.join(rivals[:3])}"
+                f"{' and others' if len(rivals) > 3 else ''}, which differ; another "
+                f"one is named with --{role}"
+            )
 
     def flipped(self, column: Column, role: str) -> bool:
         """Whether the values change sign; the user may turn one axis by itself."""

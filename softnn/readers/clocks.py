@@ -86,9 +86,9 @@ def clock(cells: Sequence[Cell], unit: str = "") -> tuple[Array, list[str]]:
                          "the clock of twelve hours begins again")  # fmt: skip
         seconds = seconds + size * turns
     seconds = seconds - seconds[np.isfinite(seconds)][0]
-    spread = _spread(seconds)
-    if spread is not None:
-        seconds = spread
+    even = _spread(seconds)
+    if even is not None:
+        seconds = even
         notes.append("the clock tells whole seconds; rows of one are spread evenly")
     return seconds, notes
 
@@ -165,6 +165,25 @@ def _day(text: str, day_first: bool) -> int:
     number = _MONTHS.get(month[:3].casefold()) or int(month)
     whole = int(year) + (2000 if len(year) == 2 else 0)
     return date(whole, number, int(day)).toordinal()
+
+
+def spread(seconds: Array) -> Array | None:
+    """Times rounded so far that rows share them, spread evenly; None for any others.
+
+    >>> spread(np.repeat(0.5 * np.arange(12.0), 2))[:4].tolist()
+    [0.0, 0.25, 0.5, 0.75]
+    """
+    if len(seconds) < FEW or not np.isfinite(seconds).all():
+        return None
+    values = np.unique(seconds)
+    if 2 * len(values) > len(seconds) or len(values) < 3:
+        return None
+    unit = float(np.median(np.diff(values)))
+    count = (seconds - seconds[0]) / unit
+    if np.abs(count - np.round(count)).max() > 1e-3:
+        return None
+    even = _spread(np.round(count))
+    return None if even is None else seconds[0] + unit * even
 
 
 def _spread(seconds: Array) -> Array | None:

@@ -6,11 +6,16 @@ import re
 from dataclasses import dataclass
 
 from softnn.readers.source import NUMBER, Cell
-from softnn.readers.units import parse_unit
+from softnn.readers.units import WEIGHTS, parse_unit
 from softnn.readers.vocabulary import plain
 
-_BRACKETS = re.compile(r"^(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\.?$", re.DOTALL)
-_LOOSE = re.compile(r"^(.*\S)(?:\s*/\s*|\s+in\s+|\s*,\s*|_)(\S+)$")
+_BRACKETS = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*\.?$", re.DOTALL)
+# `Load (N)` in the names of an R data frame is `Load..N.`.
+_DOTS = re.compile(r"^(\S*?[^.\s])\.{1,2}([^.\s]+(?:\.[^.\s]+)?)\.$")
+_DOTS_ALONE = re.compile(r"^(\S*[^.\s])(\.{4})$")
+_LOOSE = re.compile(
+    r"^(.*\S)(?:\s*/\s*|\s+in\s+|\s*,\s*|\s+-\s+|\s*:\s+|_|\.(?=[A-Za-z%]+$))(\S+)$"
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,8 @@ def split_name(text: str) -> Column:
 
     >>> split_name("Force (kN)"), split_name("Size_mm")
     (Column(name='Force', unit='kN'), Column(name='Size', unit='mm'))
+    >>> split_name("Load..N."), split_name("Strain.mm.mm.")
+    (Column(name='Load', unit='N'), Column(name='Strain', unit='mm/mm'))
     """
     text = text.strip()
     match = _BRACKETS.match(text)
@@ -52,6 +59,14 @@ def split_name(text: str) -> Column:
         return Column(match[1].strip(), match[2].strip() or "-")
     match = _LOOSE.match(text)
     # `Strain_1` is a name with a number, not a strain in units of one.
-    if match and parse_unit(match[2]) and not match[2].isdigit():
+    known = match and (parse_unit(match[2]) or match[2] in WEIGHTS)
+    if match and known and not match[2].isdigit():
         return Column(match[1].strip(), match[2])
+    match = _DOTS.match(text)
+    for unit in (match[2], match[2].replace(".", "/")) if match else ():
+        if match and parse_unit(unit):
+            return Column(match[1], unit)
+    match = _DOTS_ALONE.match(text)
+    if match:  # `Strain (%)` or `Strain (-)`: nothing tells which
+        return Column(match[1], match[2])
     return Column(text, "")

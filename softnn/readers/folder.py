@@ -4,9 +4,8 @@ Subfolders are read too. A file that holds no test (notes, lock files, pictures,
 of results) and a copy of a recording already read are passed over and named. A
 recording that cannot be read is an error; all such errors are said at once.
 
-Sizes of single specimens come from `specimens.csv` in the folder: `file`, `specimen`,
-`length_mm`, `width_mm`, `thickness_mm`, `area_mm2`, `diameter_mm`; a blank cell leaves
-the size to the file and to the options.
+Sizes of single specimens come from `specimens.csv` in the folder (`sizes.py`); a blank
+cell leaves the size to the file and to the options.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +27,7 @@ from softnn.contracts import InputError, nearest
 from softnn.json_file import write_text
 from softnn.readers.lacking import Lacking, NoRecording
 from softnn.readers.options import ReadOptions
-from softnn.readers.tidy import read_text
+from softnn.readers.sizes import NAMES, TABLE, called, row_of, specimens, table_of
 from softnn.recording import Recording
 
 SUFFIXES = (
@@ -37,11 +35,10 @@ SUFFIXES = (
     ".gz",
 )  # fmt: skip
 # Beside recordings, and known to be none: about a case, or made by softnn.
-ABOUT = ("case.toml", "index.csv", "specimens.csv", "README.md", "SOURCE.md")
+ABOUT = ("case.toml", "index.csv", "README.md", "SOURCE.md")
 PLOTS = (".png",)  # made by `softnn read`
-SIZES = ("length_mm", "width_mm", "thickness_mm", "area_mm2", "diameter_mm")
-TABLE = ("file", "specimen", *SIZES)
-SAME = 1e-6  # of the range, within which two recordings are copies
+FEWEST, MOST_OF = 16, 0.9  # samples, and share of the time, of a thinned copy
+SAME = 2e-4  # of the range, within which two recordings are copies: four digits
 
 Reader = Callable[[Path, ReadOptions], list[Recording]]
 
@@ -66,7 +63,12 @@ def files_of(folder: Path, skip: Sequence[str] = ()) -> tuple[list[Path], list[s
                 notes.append(f"{shown}: left out by --skip")
             elif name.startswith(("._", "~$", ".~lock")):
                 notes.append(f"{shown}: a lock or side file, not read")
-            elif name[:1] == "." or name in ABOUT or path.suffix.lower() in PLOTS:
+            elif (
+                name[:1] == "."
+                or name in ABOUT
+                or name.casefold() in NAMES
+                or path.suffix.lower() in PLOTS
+            ):
                 continue
             elif path.suffix.lower() not in SUFFIXES:
                 notes.append(f"{shown}: not a kind of file read")
@@ -95,17 +97,18 @@ def read_files(
     found, lacking, wrong = Found(), dict[str, Lacking](), dict[str, InputError]()
     used: set[str] = set()
     copies = _copies(files)
+    progress.stage("reading", len(files))
     for file in files:
         shown = _shown(file, folder)
-        if file in copies and shown not in sizes:
+        if file in copies and not set(called(shown)) & set(sizes):
             original = _shown(copies[file], folder)
             found.notes.append(f"{shown}: a copy of {original}, left out")
             continue
-        row = sizes.get(shown) or sizes.get(file.name) or {}
-        used |= {shown, file.name} & set(sizes)
-        progress.step()
+        used |= set(called(shown)) & set(sizes)
+        row = row_of(sizes, shown)
+        progress.step(shown)
         try:
-            recordings = read(file, _with(options, row))
+            recordings = read(file, replace(options, **row))
         except NoRecording as error:
             if folder is None:
                 wrong[shown] = error
@@ -122,7 +125,7 @@ def read_files(
         names = [_shown(f, folder) for f in files]
         raise InputError(
             f"names {unused[0]!r}{nearest(unused[0], names)}, which is no file here",
-            file=folder / "specimens.csv",
+            file=table_of(folder),
             column="file",
         )
     _refuse(wrong, lacking, len(files), folder)
@@ -162,16 +165,6 @@ def _reason(error: InputError) -> str:
     if error.file is not None:
         text = text.removeprefix(str(error.file)).lstrip(":, ")
     return text.partition("; export")[0].partition("; expected")[0]
-
-
-def _with(options: ReadOptions, row: dict[str, Any]) -> ReadOptions:
-    """The options with what the table says of this file, which counts for more."""
-    given = {k: v for k, v in row.items() if v}
-    if {"area_mm2", "width_mm", "thickness_mm", "diameter_mm"} & set(given):
-        # A section of its own replaces the whole of the one for all files.
-        blank = dict.fromkeys(("area_mm2", "width_mm", "thickness_mm", "diameter_mm"))
-        given = {k: v for k, v in blank.items() if k not in given} | given
-    return replace(options, **given)
 
 
 def _refuse(
@@ -230,18 +223,28 @@ def _none(notes: Sequence[str]) -> str:
 
 
 def copy_of(one: Recording, others: Sequence[Recording]) -> Recording | None:
-    """The first of the others that holds the same samples under any name."""
-    for other in others:
-        if len(one) != len(other) or not one.axes.like(other.axes):
-            continue
-        pairs = (
-            (one.time_s - one.time_s[0], other.time_s - other.time_s[0]),
-            (one.strain, other.strain),
-            (one.stress_MPa, other.stress_MPa),
-        )
-        if all(_same(a, b) for a, b in pairs):
-            return other
-    return None
+    """The first of the others that holds the same samples, or more, or some of them."""
+    return next((o for o in others if _copies_of(one, o)), None)
+
+
+def _copies_of(one: Recording, other: Recording) -> bool:
+    if not one.axes.like(other.axes):
+        return False
+    few, many = sorted((one, other), key=len)
+    times = [r.time_s - r.time_s[0] for r in (few, many)]
+    if len(few) == len(many):
+        at = np.arange(len(many))
+    elif len(few) < FEWEST or times[0][-1] < MOST_OF * times[1][-1]:
+        return False
+    else:  # every tenth sample, say
+        at = np.searchsorted(times[1], times[0] - SAME * times[1][-1])
+        at = at.clip(0, len(many) - 1)
+    pairs = (
+        (times[0], times[1][at]),
+        (few.strain, many.strain[at]),
+        (few.stress_MPa, many.stress_MPa[at]),
+    )
+    return all(_same(a, b) for a, b in pairs)
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
@@ -250,6 +253,12 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
     good = np.isfinite(a)
     span = float(np.ptp(a[good])) if good.any() else 0.0
     return bool(np.all(np.abs(a[good] - b[good]) <= SAME * span))
+
+
+def _better(one: Recording, other: Recording) -> bool:
+    """Whether one of two copies is the one to keep: more samples, a shorter name."""
+    names = [Path(r.source).name or r.name for r in (one, other)]
+    return (len(one), -len(names[0])) > (len(other), -len(names[1]))
 
 
 def without_copies(
@@ -263,18 +272,27 @@ def without_copies(
         if other is None:
             kept.append(one)
             continue
-        here, there = (Path(r.source).name or r.name for r in (one, other))
-        if here == there:
-            here, there = one.source, other.source
         if one.specimen and other.specimen and one.specimen != other.specimen:
             kept.append(one)
             notes.append(
-                f"{here}: holds the same samples as {there}, and yet is said to be of "
-                "another specimen"
+                f"{_place(one, other)}: holds the same samples as "
+                f"{_place(other, one)}, and yet is said to be of another specimen"
             )
-        else:
-            notes.append(f"{here}: a copy of {there}, left out")
+            continue
+        if _better(one, other):
+            kept = [one if k is other else k for k in kept]
+            one, other = other, one
+        more = "" if len(one) == len(other) else ", with fewer samples"
+        notes.append(
+            f"{_place(one, other)}: a copy of {_place(other, one)}{more}, left out"
+        )
     return kept, notes
+
+
+def _place(one: Recording, other: Recording) -> str:
+    """Where a recording is from, with the folder where the names are the same."""
+    here, there = (Path(r.source).name or r.name for r in (one, other))
+    return one.source if here == there and one.source else here
 
 
 def _uncopied(found: Found) -> None:
@@ -318,63 +336,6 @@ def _with_number(i: int, every: Sequence[Recording]) -> str:
 # -- sizes of single specimens ---------------------------------------------------------
 
 
-def specimens(folder: Path) -> dict[str, dict[str, Any]]:
-    """What specimens.csv says, by file; nothing where there is none."""
-    path = folder / "specimens.csv"
-    if not path.is_file():
-        return {}
-    text = read_text(path)
-    # Spreadsheets of some countries write semicolons, and then decimal commas.
-    mark = max(",;\t", key=text.partition("\n")[0].count)
-    rows = list(csv.reader(io.StringIO(text), delimiter=mark))
-    header = [c.strip() for c in rows[0]] if rows else []
-    if "file" not in header:
-        raise InputError(
-            f"no column 'file'; it has {header}. Columns: {','.join(TABLE)}",
-            file=path,
-            row=1,
-        )
-    for name in header:
-        if name and name not in TABLE:
-            raise InputError(
-                f"no such column{nearest(name, TABLE)}; allowed: {','.join(TABLE)}",
-                file=path,
-                row=1,
-                column=name,
-            )
-    found: dict[str, dict[str, Any]] = {}
-    for number, cells in enumerate(rows[1:], start=2):
-        row = {k: c.strip() for k, c in zip(header, cells, strict=False) if k}
-        name = row.pop("file", "").replace("\\", "/")
-        if not any(row.values()) and not name:
-            continue
-        if name in found:
-            raise InputError(f"{name!r} is there twice", file=path, row=number)
-        found[name] = {
-            k: v if k == "specimen" else _size(v, path, number, k)
-            for k, v in row.items()
-        }
-    return found
-
-
-def _size(text: str, path: Path, row: int, column: str) -> float | None:
-    if not text:
-        return None
-    try:
-        value = float(text.replace(",", "."))
-    except ValueError:
-        value = 0.0
-    if not 1e-9 < value < 1e9:
-        raise InputError(
-            f"{text[:40]!r} is no size; allowed is a number above 0, in "
-            f"{column.rpartition('_')[2]}",
-            file=path,
-            row=row,
-            column=column,
-        )
-    return value
-
-
 def write_template(
     folder: Path, files: Sequence[Path], options: ReadOptions, read: Reader
 ) -> Path:
@@ -398,7 +359,7 @@ def write_template(
             continue
         except InputError:  # it lacks its sizes, as a rule
             pass
-        if name not in before and file not in copies:
+        if not set(called(name)) & set(before) and file not in copies:
             rows.append({"file": name, "specimen": specimen})
     out = io.StringIO(newline="")
     writer = csv.DictWriter(out, TABLE, restval="", lineterminator="\n")

@@ -24,6 +24,11 @@ from softnn.readers.vocabulary import (
 SMALLEST_MM, LARGEST_MM = 1e-6, 1e6  # of lengths and, in mm2, of sections
 
 
+_BARE = re.compile(r"(\D*?[^\s\d=])\s*=?\s*(\d[\d.,]*)\s*(\S+)")  # `Length 40 mm`
+_CUT = re.compile(r"[:=]\s*\d+$|\s0$")
+_TAIL = re.compile(r"\d+\s*[^\d\s.,]\S*")
+
+
 @dataclass(frozen=True)
 class Entry:
     """One line of a header: `Specimen width; 6; mm`."""
@@ -41,6 +46,8 @@ def entries(rows: Sequence[Sequence[Cell]]) -> tuple[Entry, ...]:
         filled = [c for c in cells if c]
         if not filled:
             continue
+        if len(filled) == 2 and _CUT.search(filled[0]) and _TAIL.fullmatch(filled[1]):
+            filled = [",".join(filled)]  # a decimal comma, in a file of commas
         key, rest = filled[0], filled[1:]
         if not rest or (
             ":" in key
@@ -50,6 +57,8 @@ def entries(rows: Sequence[Sequence[Cell]]) -> tuple[Entry, ...]:
         ):
             # `Thickness (1): 0.1 mm` in one cell
             if ":" not in key:
+                if (match := _BARE.fullmatch(key)) and parse_unit(match[3]):
+                    found.append(Entry(match[1], match[2], match[3]))
                 continue
             key, value = key.split(":", 1)
             rest = [value.strip(), *rest]

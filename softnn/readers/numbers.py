@@ -10,9 +10,8 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.readers.source import NUMBER
-from softnn.readers.table import Table
+from softnn.readers.table import Table, is_missing
 
-MISSING = ("nan", "-", "--", "---", "n/a", "na", "#n/a", "#n/v", "null", "none")
 FEW, MANY = 3, 0.05  # cells that may be passed over, and share of them
 
 
@@ -65,7 +64,7 @@ def numbers(
 
 
 def _number(text: str, decimal: str, needs_mark: bool) -> float | None:
-    if text == "" or text.casefold() in MISSING:
+    if is_missing(text):
         return np.nan
     if not NUMBER.fullmatch(text):
         return None

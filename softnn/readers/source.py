@@ -145,6 +145,7 @@ def open_source(path: Path) -> Source:
 # Minus signs and dashes of word processors in front of a number, and what parts its
 # thousands where neither a point nor a comma does.
 _DASH = re.compile(r"[\u2010-\u2015\u2212\ufe58\ufe63\uff0d](?=[\d.,])")
+_FORTRAN = re.compile(r"(?<=\d\.\d)D(?=[-+]\d)|(?<=\d{3})D(?=[-+]\d)")
 _THOUSANDS = re.compile(r"(?<=\d)['\u2019\u00a0\u202f\u2009](?=\d{3}(?!\d))")
 
 
@@ -154,6 +155,8 @@ def typed(text: str) -> str:
     >>> typed("\u22121.5;1\u202f234,5;12'000")
     '-1.5;1234,5;12000'
     """
+    if "D+" in text or "D-" in text:
+        text = _FORTRAN.sub("E", text)
     if text.isascii() and "'" not in text:
         return text
     return _THOUSANDS.sub("", _DASH.sub("-", text))

@@ -15,7 +15,7 @@ from softnn.readers.columns import Column, is_number, split_name
 from softnn.readers.header import Entry, entries
 from softnn.readers.source import Cell, Grid
 from softnn.readers.units import parse_unit, unit_text
-from softnn.readers.vocabulary import plain, rank
+from softnn.readers.vocabulary import WHICH, WHOSE, plain, rank
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,39 @@ class Table:
     def cells(self, index: int) -> list[Cell]:
         return [row[index] if index < len(row) else "" for row in self.rows]
 
+    def filled(self, index: int) -> bool:
+        """Whether a column holds anything."""
+        return any(not is_missing(c) for c in self.cells(index))
+
+    def constants(self) -> list[Entry]:
+        """Columns of one number throughout, as lines of a header: a width, an area."""
+        found = []
+        first, last = (self.rows[0], self.rows[-1]) if self.rows else ([], [])
+        for i, column in enumerate(self.columns[: len(first)]):
+            if not column.name or (i < len(last) and last[i] not in (first[i], "")):
+                continue  # it moves; so do most
+            cells = {c for c in self.cells(i) if c != ""}
+            if len(cells) == 1 and is_number(one := cells.pop()):
+                found.append(Entry(column.name, str(one), column.unit))
+        return found
+
+
+COMMAS = (
+    ", or, if commas are the decimal marks, export with semicolons between the columns"
+)
+MISSING = ("nan", "-", "--", "---", "n/a", "na", "#n/a", "#n/v", "null", "none")
+
+
+def is_missing(cell: Cell) -> bool:
+    """Whether a cell stands for a value that is not there.
+
+    >>> is_missing(""), is_missing("N/A"), is_missing("0"), is_missing(float("nan"))
+    (True, True, False, True)
+    """
+    if isinstance(cell, str):
+        return cell == "" or cell.casefold() in MISSING
+    return cell != cell
+
 
 def _filled(row: Sequence[Cell]) -> list[Cell]:
     return [c for c in row if c != ""]
@@ -83,6 +116,8 @@ def _is_units(row: Sequence[Cell]) -> bool:
 
 def _columns(names: Sequence[Cell], units: Sequence[Cell] | None) -> tuple[Column, ...]:
     if units is None:
+        if len(names) > 2 and all(parse_unit(str(n)) for n in names):
+            names = [f"[{n}]" for n in names]
         only = [bare_unit(str(n)) for n in names]
         if len(only) > 2 and 3 * sum(map(bool, only)) >= 2 * len(only):
             return tuple(Column(str(n), u) for n, u in zip(names, only, strict=True))
@@ -173,6 +208,8 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
         usual = _usual_width(grid, i)
         units = grid[units_at] if units_at is not None else None
         names = _fitted(grid[names_at], usual, units is None)
+        if usual < len(names) and names[usual] == "":
+            names = names[:usual]  # beside an empty column stand results
         raw = len(grid[names_at])  # with the empty cells of trailing delimiters
         if len(names) != len(_strip_end(grid[names_at])):
             raw = len(names)
@@ -190,7 +227,9 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
                 continue
             raise InputError(
                 f"{usual} values under {len(names)} column names "
-                f"({', '.join(str(n) for n in names)[:80]}); name every column there",
+                f"({', '.join(str(n) for n in names)[:80]}); name every column there"
+                + COMMAS
+                * (usual == 2 * len(names)),
                 file=file,
                 row=names_at + 1,
             )
@@ -435,6 +474,84 @@ def _side_by_side(table: Table, title: Sequence[Cell]) -> list[Table]:
             )
         )
     return [p for p in parts if p.rows]
+
+
+def without_twins(table: Table) -> Table:
+    """The table without rows that repeat the row before them, its time included.
+
+    Where rows share a time and differ, the clock is coarse, and all of them stay.
+    """
+    clock = next((i for i, c in enumerate(table.columns)
+                  if rank("time", c.plain) == 0), None)  # fmt: skip
+    if clock is None or table.short:
+        return table
+    times = table.cells(clock)
+    same = [k for k in range(1, len(times)) if times[k] == times[k - 1] != ""]
+    if not same or any(table.rows[k] != table.rows[k - 1] for k in same):
+        return table
+    gone = set(same)
+    keep = [k for k in range(len(table.rows)) if k not in gone]
+    note = f"{len(gone)} rows repeat the row before them and are left out"
+    return replace(
+        table,
+        rows=[table.rows[k] for k in keep],
+        lines=table.lines[keep],
+        notes=(*table.notes, note),
+    )
+
+
+def by_specimen(table: Table) -> list[Table]:
+    """Tables of single specimens, where a column says whose each row is.
+
+    A column of tests counts where the clock starts again at each of them.
+    """
+    for i, column in enumerate(table.columns):
+        whose = WHOSE.search(column.plain) is not None
+        if not whose and not WHICH.search(column.plain):
+            continue
+        cells = table.cells(i)
+        names = list(dict.fromkeys(c for c in cells if c != ""))
+        if not 1 < len(names) <= len(cells) // 5 or (
+            not whose and not _starts_again(table, cells)
+        ):
+            continue
+        parts = []
+        for name in names:
+            keep = [k for k, c in enumerate(cells) if c == name]
+            at = {k: new for new, k in enumerate(keep)}
+            label = f"{name:g}" if isinstance(name, float) else name
+            note = f"rows of {column.name!r} {label} of {len(names)}"
+            parts.append(
+                replace(
+                    table,
+                    rows=[table.rows[k] for k in keep],
+                    lines=table.lines[keep],
+                    label=label,
+                    notes=(*table.notes, note),
+                    short=tuple((at[k], n) for k, n in table.short if k in at),
+                )
+            )
+        return parts
+    return [table]
+
+
+def _starts_again(table: Table, cells: Sequence[Cell]) -> bool:
+    """Whether the clock goes back wherever the cells change."""
+    clock = next((i for i, c in enumerate(table.columns)
+                  if rank("time", c.plain) is not None), None)  # fmt: skip
+    if clock is None:
+        return False
+    times = table.cells(clock)
+    changes = [k for k in range(1, len(cells)) if cells[k] != cells[k - 1]]
+    pairs = [(_float(times[k - 1]), _float(times[k])) for k in changes]
+    return all(a is not None and b is not None and b < a for a, b in pairs)
+
+
+def _float(cell: Cell) -> float | None:
+    try:
+        return float(cell if not isinstance(cell, str) else cell.replace(",", "."))
+    except ValueError:
+        return None
 
 
 def has_role(table: Table, role: str) -> bool:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from softnn.axes import axes_of
-from softnn.readers.assemble import read_source
+from softnn.readers.assemble import ROUNDED, read_source
+from softnn.readers.clocks import spread
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.tidy import read_tidy
+from softnn.readers.vocabulary import WHICH, WHOSE, plain
 from softnn.recording import Recording, Step
 
 NAME = "tidy CSV"
@@ -27,7 +29,12 @@ def read(source: Source, options: ReadOptions) -> list[Recording]:
     about["test"] = options.test
     recording = read_tidy(source.path, **about, rate_per_s=options.rate_per_s)
     columns = {name.rsplit("_", 1)[0]: name for name in recording.columns}
-    arguments = {"dialect": NAME, "columns": columns, "notes": []}
+    notes = []
+    even = spread(recording.time_s)
+    if even is not None:
+        recording = replace(recording, time_s=even)
+        notes.append(ROUNDED.format("time_s"))
+    arguments = {"dialect": NAME, "columns": columns, "notes": notes}
     return [
         replace(
             recording,
@@ -43,9 +50,11 @@ def _changed(source: Source, options: ReadOptions) -> bool:
     axes = axes_of([name.strip("\ufeff\r ") for name in names])
     made = axes is not None and axes.component
     sizes = made and (options.has_area or options.length_mm is not None)
+    whose = any(p.search(plain(n)) for n in names for p in (WHOSE, WHICH))
     roles = ("time", "force", "displacement", "strain", "stress", "temperature")
     return bool(
         sizes
+        or whose
         or options.units
         or options.decimal == ","
         or options.compression

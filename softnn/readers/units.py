@@ -33,8 +33,8 @@ _TABLE: dict[str, dict[str, float]] = {
         **dict.fromkeys(("s", "sec", "secs", "sec.", "second", "seconds", "sek"), 1.0),
         **dict.fromkeys(("seg", "segundos", "secondi", "secondes", "\u79d2"), 1.0),
         **dict.fromkeys(("sekunden", "seconde"), 1.0),
-        **dict.fromkeys(("ms", "msec"), 1e-3),
-        "us": 1e-6,
+        **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 1e-3),
+        **dict.fromkeys(("us", "micros", "microseconds"), 1e-6),
         **dict.fromkeys(("min", "mins", "min.", "minute", "minutes"), 60.0),
         **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std"), 3600.0),
         **dict.fromkeys(("d", "day", "days"), 86400.0),
@@ -69,7 +69,7 @@ _TABLE: dict[str, dict[str, float]] = {
         **dict.fromkeys(("mm/mm", "m/m", "in/in", "in./in.", "cm/cm", "1", "-"), 1.0),
         **dict.fromkeys(("strain", "--", "um/um"), 1.0),
         **dict.fromkeys(("%", "percent", "pct", "%strain"), 1e-2),
-        "mm/m": 1e-3,
+        **dict.fromkeys(("mm/m", "\u2030"), 1e-3),
         **dict.fromkeys(("ustrain", "microstrain", "u\u03b5", "ue", "um/m"), 1e-6),
         **dict.fromkeys(("mstrain", "millistrain"), 1e-3),
     },
@@ -81,9 +81,15 @@ _TABLE: dict[str, dict[str, float]] = {
         "N/cm2": 1e-2,
         **dict.fromkeys(("psi", "lbf/in2"), _POUND / _SQUARE_INCH),
         "ksi": 1e3 * _POUND / _SQUARE_INCH,
-        "kgf/mm2": _KILOPOND,
-        "kgf/cm2": _KILOPOND / 100,
+        **dict.fromkeys(("kgf/mm2", "kg/mm2", "kp/mm2"), _KILOPOND),
+        **dict.fromkeys(("kgf/cm2", "kg/cm2", "kp/cm2"), _KILOPOND / 100),
+        **dict.fromkeys(("gf/mm2", "g/mm2"), _KILOPOND / 1e3),
+        **dict.fromkeys(("gf/cm2", "g/cm2"), _KILOPOND / 1e5),
         "bar": 0.1,
+        "mbar": 1e-4,
+        "hPa": 1e-4,
+        "mmHg": 133.322e-6,
+        "dyn/cm2": 1e-7,
     },
     "temperature": {**dict.fromkeys(("degC", "C", "celsius"), 1.0)},
     "area": {
@@ -126,6 +132,9 @@ _EXACT = {
 _EXACT["stretch"] = Unit("strain", 1.0, -1.0)
 # A scale shows grams where it means their weight.
 WEIGHTS = {"g": "gf", "gr": "gf", "gram": "gf", "grams": "gf", "kg": "kgf"}
+# What an amplifier or a counter shows, before it is calibrated.
+READINGS = ("v", "mv", "uv", "mv/v", "volt", "volts", "counts", "count", "adc", "bit",
+            "bits", "raw", "steps", "pulses", "digits", "a.u.", "au")  # fmt: skip
 # Case matters for mN (MN is mega) and nm (Nm is a torque).
 _FOLDED = {t.casefold(): u for t, u in _EXACT.items() if t not in ("mN", "nm")}
 

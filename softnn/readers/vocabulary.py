@@ -1,4 +1,4 @@
-"""What columns and header lines are called, in six languages, by pattern.
+"""What columns and header lines are called, in ten languages, by pattern.
 
 Names are compared without accents, case and units. A pattern says what a name *may*
 be; the unit decides: `Dehnung [mm]` is a length, `Dehnung [%]` a strain.
@@ -14,11 +14,14 @@ from softnn.readers.units import repair
 
 # Columns that carry one of the words below but are another quantity.
 _NOT = re.compile(
-    r"\b(rates?|speed|velocity|counts?|cycles?|number|nr|max(imum)?|min(imum)?|mean|"
-    r"torque|simulat\w*|predict\w*|fit(ted)?|"
+    r"\b((?<!sample )rates?|speed|velocity|counts?|cycles?|number|nr|max(imum)?|"
+    r"min(imum)?|mean|"
+    r"torque|sd|std|stdev|deviation|standard error|sem|variance|cov|"
+    r"simulat\w*|predict\w*|fit(ted)?|"
     r"rotation|rotary|width|lateral|transverse|quer\w*|breiten\w*|largeur|"
     r"^dat(e|um)$|set ?point|command|target|soll\w*|error|modul\w*|energy|work|"
-    r"power|video time|dyn|cont|preload|vorkraft|tenacity|index|marker|encoder|"
+    r"power|video time|dyn|cont|(?<!from )preload|vorkraft|tenacity|index|marker|"
+    r"encoder|"
     r"frequency|phase|pip|day|remaining|load cell (?!\d)\w+|oscillation|amplitude|"
     r"final|"
     r"bruch|break|area|flow|at|yield|peak|offset)\b"
@@ -45,7 +48,8 @@ _ROLES = {
     "time": (
         r"^(total|test|elapsed|running|run|global)? ?time\b(?!.*\bof\b)|"
         r"\b(pru?e?f|versuchs|mess|test|gesamt)?zeit\b|^(sec|secs|seconds|s|t)$|"
-        r"\b(temps|duree|tiempo|tempo)\b|"
+        r"^(millis|micros|milliseconds|minutes)$|"
+        r"\b(temps|duree|tiempo|tempo|tijd|tid|czas)\b|^elapsed$|^seconds since\b|"
         "\u65f6\u95f4|\u6642\u9593",
         r"\bstep time\b|\bsegment time\b",
         r"\btime ?stamp\b|\bzeitstempel\b|\bdate ?time\b|\bdatum ?\w* zeit\b|"
@@ -54,21 +58,23 @@ _ROLES = {
     ),
     "force": (
         r"\b(standard ?)?(force|kraft|standardkraft|pru?e?fkraft|zugkraft)\b|"
-        r"\b(load|last|charge|effort|fuerza|carga|forza|carico)\b|^[fF]( stat)?$|"
+        r"\b(load|last|charge|effort|fuerza|carga|forza|carico|kracht|forca|"
+        r"sila)\b|^[fF]( stat)?$|"
         "(?<![\u5e94\u61c9\u5fdc\u538b])\u529b|\u8f7d\u8377|\u8377\u91cd|\u8d1f\u8377",
         r"^f ?(n|x|y|z|ax|axial|normal)\b|^[Pp]$|^(load ?cell|loadcell|lc)( ?\d)?$",
         r"^(weight|gewicht|mass|masse|poids|peso)$",
     ),
     "stress": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstress\b",
-        r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensione?|sigma|"
-        r"pk ?1)\b|"
+        r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensao|spanning|naprezenie|tensione?|sigma|sig|"
+        r"pk ?[12])\b|"
         "\u03c3|[\u5e94\u61c9\u5fdc]\u529b",
         r"^[PpSs]( ?1?1)?$",
     ),
     "strain": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstrain\b",
-        r"\b(strain|dehnung|stauchung|verformung|deform\w*|epsilon|eps)\b|"
+        r"\b(strain|dehnung|stauchung|verformung|deform\w*|epsilon|eps|rek|tojning|"
+        r"odksztalcenie)\b|"
         "^\u03b5|"
         "[\u5e94\u61c9]\u53d8|\u3072\u305a\u307f|\u6b6a\u307f",
         r"\b(elongation|allongement|extension|alargamiento|allungamento|ave)\b|"
@@ -78,10 +84,11 @@ _ROLES = {
     ),
     "displacement": (
         r"\b(standardweg|standard travel|course standard|recorrido estandar)\b",
-        r"\b(displacement|extension|elongation|stroke|disp|ext|travel|weg)\b|"
+        r"\b(displacement|extension|elongation|stroke|displ?|elong|ext|travel|weg|way)\b|"
         r"\b(deplacement|course|allongement|\w*verlangerung|\w+weg)\b(?!.*absolut)|"
         r"\b(desplazamiento|carrera|alargamiento|spostamento|corsa|allungamento)\b|"
-        r"\b(langenanderung|estensione|delta l|dl)\b|"
+        r"\b(langenanderung|estensione|delta l|dl|verplaatsing|deslocamento|"
+        r"forlangning|przemieszczenie|wydluzenie)\b|^\u03b4 ?[lhsxd]$|"
         "\u4f4d\u79fb|\u884c\u7a0b|\u4f38\u957f|\u5ef6\u4f38|\u5909\u4f4d|\u30b9\u30c8\u30ed\u30fc\u30af",
         r"\bcrosshead\b(?!.*absolut)|\btravers\w*\b(?!.*absolut)",
         r"\b(position|pos|gap|size|hub|height)\b|\babsol\w*\b",
@@ -117,8 +124,9 @@ REMARK = re.compile(
     r"\b(comments?|remarks?|notes?|events?|markers?|status|kommentar|bemerkung\w*|"
     r"commentaires?|comentarios?|commenti|message)\b"
 )
+# Travel that is measured on the specimen, beside that of the machine.
+GAUGE = re.compile(r"\b(lvdt|extensometer|laser|video|dic|gau?ge|aufnehmer)\b")
 STEP_CLOCK = re.compile(r"\b(step|segment) time\b")
-TRUE = re.compile(r"\b(true|wahre?|vraie?|verdadera?|reale?|hencky)\b|\u771f")
 COMPRESSIVE = re.compile(
     r"\bcompressi(ve|on)\b|\bdruck(kraft|spannung)\b|\bstauchung\b|\u538b\u7f29"
 )
@@ -177,6 +185,14 @@ SPECIMEN = re.compile(
     r"\bproben(kennung|bezeichnung|name)\b|\bdesignation\b|^nom (de l )?eprouvette|"
     r"\bnombre de (la )?probeta\b|\u8bd5\u6837"
 )
+# A column that says of each row which specimen it is of; which test, if the clock
+# starts again there.
+WHOSE = re.compile(
+    r"^(specimen|sample|probe|probekorper|prufkorper|eprouvette|probeta|provino)"
+    r"( (id|no|nr|name|number|label|num))?$"
+)
+WHICH = re.compile(r"^(test|run|trial|experiment|curve|versuch|essai|ensayo|file|id)"
+                   r"( (id|no|nr|name|number))?$")  # fmt: skip
 MATERIAL = re.compile(
     r"^(material|werkstoff|matiere|materiau|materiale|material name)$|\u6750\u6599"
 )
