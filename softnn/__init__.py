@@ -12,7 +12,7 @@ if typing.TYPE_CHECKING:
     from softnn.mismatch.api import diagnose, load_model, read
     from softnn.mismatch.diagnosis import Diagnosis
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Diagnosis",
