@@ -81,7 +81,7 @@ def test_killed_at_random_moments_it_ends_as_if_it_had_not_been(tmp_path):
     assert len(finished(stopped)) == len(finished(whole))
     (material,), (straight,) = one["materials"], other["materials"]
     assert len(material["trials"]) == TRIALS
-    for key in ("trials", "front", "choices", "baselines", "sentence"):
+    for key in ("trials", "front", "choices", "baselines", "take"):
         assert material[key] == straight[key]
     left = rows(stopped, "SELECT count(*) FROM trials WHERE state = 'RUNNING'")
     assert left == [(0,)]
