@@ -106,35 +106,24 @@ def _rounded(trainer: Trainer, chosen: dict, parts: dict[str, slice]):
             yield trainer.judge_parts(chosen, parts)
 
 
-WIDTH = 4.0  # standard deviations of nine draws within which one more lies
-
-
 def hold(split: str, found, again, expected, relative: float) -> None:
     """A fold is off by no more than `relative`, or than rounding is seen to move it.
 
-    A training that is stopped before its optimum (the search has 60 epochs) is another
-    wherever rounding differs. A fold that copies differing by rounding spread by more
-    than `relative` is a draw, of which nine copies do not show the range: the mean of
-    all such folds is held, to `WIDTH` standard deviations of the mean. Any other fold
-    is held by itself.
+    A training that has not settled when it ends is another on another processor: there
+    the kept figure has to lie within what copies of it reach that differ by rounding.
     """
+
     kept = np.array(expected)
 
-    def off(low, high, kept=kept):  # an error that is no number is off
+    def off(low, high):  # an error that is no number is off
         return ~(np.abs(np.clip(kept, low, high) - kept) <= relative * np.abs(kept))
 
     got = np.array(found[split]["nrmse"])
     assert got.shape == kept.shape
-    if not off(got, got).any():
-        return
-    got = np.array([got, *(one[split]["nrmse"] for one in again())])
-    drawn = np.ptp(got, axis=0) > relative * got.mean(axis=0)
-    wrong = off(got.min(axis=0), got.max(axis=0)) & ~drawn
-    assert not wrong.any(), (got[:, wrong], kept[wrong])
-    if drawn.any():
-        means, mean = got[:, drawn].mean(axis=1), kept[drawn].mean()
-        reach = WIDTH * means.std(ddof=1)
-        assert not off(means.mean() - reach, means.mean() + reach, mean), (means, mean)
+    if off(got, got).any():
+        got = np.array([got, *(one[split]["nrmse"] for one in again())])
+        wrong = off(got.min(axis=0), got.max(axis=0))
+        assert not wrong.any(), (got[:, wrong], kept[wrong])
 
 
 @pytest.mark.slow
@@ -145,10 +134,18 @@ def test_a_fold_of_an_end(path, use):
     hold("random", found, again, end["folds_random"][:1], RELATIVE)
 
 
+# Their training has not settled when it ends: rounding moves a fold by more than eight
+# copies of it show.
+UNSETTLED = {("architectures-EPR", "random"), ("architectures-SR", "random")}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("use", ["random", "unseen"])
 @pytest.mark.parametrize("path", ENDS, ids=lambda path: path.stem)
-def test_every_fold_of_an_end(path, use):
+def test_every_fold_of_an_end(path, use, request):
+    if (path.stem, use) in UNSETTLED:
+        said = "issue 54: a fold of this kept network is 2 to 6 % off by rounding"
+        request.applymarker(pytest.mark.xfail(reason=said))
     unseen = end_kept(path)[0]["unseen"]
     parts = {unseen: slice(None), "random": slice(None)}
     end, found, again = retrained(path, use, parts)
@@ -159,29 +156,15 @@ def test_every_fold_of_an_end(path, use):
 
 
 def test_what_differs_by_more_than_rounding_does_not_hold():
-    def of(*values):
-        return {"random": {"nrmse": list(values)}}
-
-    def fails(found, again, kept):
-        with pytest.raises(AssertionError):
-            hold("random", found, lambda: again, kept, RELATIVE)
-
-    moved = [of(0.0195), of(0.0205)]  # of a mean of 0.02, by 0.0005
-    hold("random", of(0.020), lambda: moved, [0.0183], RELATIVE)
-    fails(of(0.020), moved, [0.0177])
-    fails(of(0.020), [of(0.020)], [0.0192])  # nothing is seen to move it
-    fails(of(np.nan), moved, [0.0192])
-    fails(of(0.020), moved, [0.02, 0.02])  # a fold is missing
-
-
-def test_folds_that_rounding_moves_are_held_by_their_mean():
-    def of(*values):
-        return {"random": {"nrmse": list(values)}}
-
-    found = of(0.020, 0.030, 0.01)
-    moved = [of(0.022, 0.029, 0.01), of(0.019, 0.030, 0.01), of(0.021, 0.031, 0.01)]
-    # Each of the two is beyond what the copies reach, their mean is not.
-    hold("random", found, lambda: moved, [0.023, 0.027, 0.01], RELATIVE)
-    for kept in ([0.024, 0.034, 0.01], [0.023, 0.027, 0.011]):
-        with pytest.raises(AssertionError):
-            hold("random", found, lambda: moved, kept, RELATIVE)
+    found = {"random": {"nrmse": [0.020]}}
+    moved = [{"random": {"nrmse": [v]}} for v in (0.019, 0.021)]
+    hold("random", found, lambda: moved, [0.0192], RELATIVE)
+    with pytest.raises(AssertionError):
+        hold("random", found, lambda: moved, [0.0186], RELATIVE)
+    with pytest.raises(AssertionError):
+        hold("random", found, lambda: [found], [0.0192], RELATIVE)
+    nothing = {"random": {"nrmse": [np.nan]}}
+    with pytest.raises(AssertionError):
+        hold("random", nothing, lambda: moved, [0.0192], RELATIVE)
+    with pytest.raises(AssertionError):  # a fold is missing
+        hold("random", found, lambda: moved, [0.02, 0.02], RELATIVE)
