@@ -403,6 +403,9 @@ def test_softening_of_a_material_that_no_law_describes_is_named_by_prediction():
     errors = found.result["fit"]
     assert errors["after"]["heldout_nrmse"] < 0.5 * errors["before"]["heldout_nrmse"]
     assert errors["after"]["worst"]["nrmse"] >= errors["after"]["heldout_nrmse"]
+    stress = np.concatenate([strip.stress_MPa for strip in bent_strips(0.4)])
+    noise = 5e-4 / np.sqrt(np.mean(stress**2))  # not what no law explains
+    assert errors["noise_nrmse"] == pytest.approx(noise, rel=0.1)
     assert "these recordings cannot tell" in found.summary
 
 

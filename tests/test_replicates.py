@@ -275,6 +275,22 @@ def test_replicates_tell_what_laws_leave_open(stress):
     assert (named(told, slack.fit) == {"slack"}) == (stress is gap)
 
 
+def test_a_size_that_is_hardly_known_hides_no_fault(monkeypatch):
+    made = recordings([CYCLES] * 4, both)
+    regression = Regression(made, bare(made).guess)
+    told = regression.forward(frozenset({"grip_slip"}))
+    assert {t.recording for t in told.terms} == {3}
+
+    def chance(error):
+        def relative(self, group, left, term, by):
+            return (0.09, 0.005) if term.recording == 3 else (0.05, error)
+
+        monkeypatch.setattr(Regression, "_relative", relative)
+        return regression.faulty(told, "grip_slip")
+
+    assert chance(0.05) > 0.5 > chance(0.001)
+
+
 def test_sizes_come_with_the_error_that_draws_of_the_noise_show():
     sizes, errors = [], []
     for draw in range(16):

@@ -152,8 +152,13 @@ class Project:
     @property
     def network(self) -> dict[str, Any] | None:
         """The result file of the study of networks, once there is one."""
-        found = sorted((self.folder / "network").glob("joint*.json"))
-        return _json(found[0]) if found else None
+        return trained(self.folder / "network")
+
+
+def trained(place: Path) -> dict[str, Any] | None:
+    """The result file of the study of networks in a folder, once there is one."""
+    found = sorted(place.glob("joint*.json"))
+    return _json(found[0]) if found else None
 
 
 def new(out: Path) -> Project:

@@ -8,7 +8,6 @@ come back.
 from __future__ import annotations
 
 import io
-import json
 import os
 import re
 import shutil
@@ -28,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from softnn import glance, readers
-from softnn.app.project import MODEL, Project, safe
+from softnn.app.project import MODEL, Project, safe, trained
 from softnn.contracts import Array, InputError
 from softnn.plausible import check_plausible, understood
 from softnn.progress import Progress, heard, stage
@@ -266,7 +265,9 @@ def network(project: Project) -> None:
         command += ["--storage", f"sqlite:///{project.folder / 'optuna.db'}"]
         command += ["--tracking", where, "--out", str(place)]
         _watched(project, command, began)
-        material = _result_of(place)["materials"][0]["material"]
+        found = trained(place)
+        assert found is not None
+        material = found["materials"][0]["material"]
         for file, alias in KEPT.items():
             name = f"models:/{source.name}-{material}@{alias}"
             shutil.copy(fetched(name, where), place / file)
@@ -274,11 +275,6 @@ def network(project: Project) -> None:
     _replaced(project, "network", save)
     shutil.rmtree(source, ignore_errors=True)
     project.tell("network", ended="done", line="")
-
-
-def _result_of(place: Path) -> dict[str, Any]:
-    (file,) = place.glob("joint*.json")
-    return dict(json.loads(file.read_text("utf-8")))
 
 
 def _watched(project: Project, command: Sequence[str], began: float) -> None:
