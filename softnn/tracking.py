@@ -277,7 +277,8 @@ class Tracker:
             said = self._client.get_model_version(name, number).description
             lines.append(f"`{alias}`: " + (said or f"version {number}."))
         load = f"softnn.load_model('models:/{name}@ALIAS')"
-        return "\n\n".join([*lines, f"Load one with `{load}`."])
+        export = f"softnn export 'models:/{name}@ALIAS' --to c --out DIR"
+        return "\n\n".join([*lines, f"Load one with `{load}`, or `{export}`."])
 
     def _log(
         self,

@@ -165,6 +165,6 @@ def test_what_cannot_be_done_with_it_is_one_line(tmp_path):
         fit_samples(known, "CONVEX", neurons=[3], train_mask=mask, seeds=[0])
     kept = stored(fitted(curves)["convex, straight, without holds, light"], curves)
     write(tmp_path / "network.json", kept.source)
-    for kind in ("c", "onnx", "abaqus", "fmu"):
+    for kind, end in (("c", 0), ("onnx", 2), ("abaqus", 2)):
         asked = ["export", str(tmp_path / "network.json"), "--to", kind]
-        assert main([*asked, "--out", str(tmp_path / kind)]) == 2
+        assert main([*asked, "--out", str(tmp_path / kind)]) == end

@@ -22,7 +22,8 @@ from softnn.models import (
     StandardLinearSolid,
     Wiechert,
 )
-from softnn.neural import PUBLISHED, Scaling, Seen
+from softnn.neural import PUBLISHED, Scaling, Seen, StoredNetwork
+from softnn.neural.convex import ConvexNetwork
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 FORMS_OF_EFFECTS = [law for e in EFFECTS for law in (e, *e.second_forms)]
@@ -101,6 +102,16 @@ def test_all_effects_at_once_over_a_hundred_thousand_steps(tmp_path):
     assert_same(got, want)
 
 
+def test_a_corrected_model_flags_strain_beyond_its_recordings(tmp_path):
+    inner = with_effects(piece(effect("tension_only")))
+    model = with_effects(needs=True, simulation=inner)
+    low, high = model.units.knots[0], model.units.knots[-1]
+    strain = np.array([0.0, low, high, high + 0.1, low - 0.1, 0.0])
+    chunk = Chunk(np.arange(6) * 0.1, strain)
+    _, flags = Compiled(tmp_path, model).run(chunk)
+    assert flags.tolist() == [0, 0, 0, 1, 1, 0]
+
+
 def test_other_recordings_have_the_values_of_recordings_not_met(tmp_path):
     model, chunk = with_effects(piece(effect("zero_offset"))), history(500)
     got, _ = Compiled(tmp_path, model).run(chunk)
@@ -170,6 +181,27 @@ def test_networks_say_what_python_says_and_flag_what_was_never_shown(
     expected = model.outside(chunk)
     np.testing.assert_array_equal(flags[1:], expected[1:])
     assert {1, 2, 4} <= set(expected.tolist())
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("springs_alone", [False, True])
+def test_a_convex_network_says_what_python_says(side, springs_alone, tmp_path):
+    rng = np.random.default_rng(4)
+    units = [(side * knot, 0.0, 0.0) for knot in (0.0, 0.03, 0.11, 0.3)]
+    if not springs_alone:
+        units += [(0.0, limit, t) for limit in (0.0, 0.05) for t in (1e-3, 0.3, 40.0)]
+    ends = Scaling(np.array([-0.1, 0.0]), np.array([0.5, 9.0]))
+    net = ConvexNetwork(
+        np.array(units),
+        np.append(rng.uniform(0.1, 2, len(units)), 0.02),
+        ends,
+        Scaling(np.array(0.0), np.array(3.0)),
+    )
+    model = StoredNetwork(net, "CONVEX", None, Seen((0.0, 0.5), (0.02, 0.25)))
+    chunk = history(4000, low=-0.4)
+    got, flags = Compiled(tmp_path, model).run(chunk)
+    assert_same(got, model.stress([""], [chunk], [None])[0])
+    np.testing.assert_array_equal(flags[1:], model.outside(chunk)[1:])
 
 
 @pytest.mark.parametrize("pulls", [True, False])

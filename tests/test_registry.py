@@ -73,6 +73,17 @@ def test_softnn_loads_it(made, monkeypatch):
         softnn.load_model("models:/nobody@best-random")
 
 
+def test_the_command_exports_it(made, monkeypatch, tmp_path, capsys):
+    from softnn.cli import main
+
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", made[0])
+    asked = ["--to", "c", "--name", "net", "--out", str(tmp_path / "c")]
+    assert main(["export", "models:/a-b@best-random", *asked]) == 0
+    assert "net_step" in (tmp_path / "c/net.h").read_text()
+    assert main(["export", "models:/nobody@best-random", *asked]) == 2
+    assert "cannot be loaded from" in capsys.readouterr().err
+
+
 def test_the_model_is_logged_linked_and_described(made):
     from mlflow.tracking import MlflowClient
 

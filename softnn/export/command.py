@@ -36,7 +36,11 @@ def add_export(commands: Any) -> None:
         "off the model's is refused.",
         epilog="Example: softnn export found/case/model.json --to c --out controller",
     )
-    parser.add_argument("model", metavar="MODEL.json")
+    parser.add_argument(
+        "model",
+        metavar="MODEL.json",
+        help="a model.json, a network.json, or models:/NAME@ALIAS of MLflow",
+    )
     parser.add_argument("--to", required=True, choices=FORMS)
     parser.add_argument("--out", required=True, metavar="DIR")
     parser.add_argument("--name", help="of functions and files (the model's file)")

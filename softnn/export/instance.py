@@ -20,6 +20,7 @@ from softnn.export.parts import DEEPEST, UNSTEPPED, Instance, Options, struct_of
 from softnn.export.templates_of import FOLDER, blocks, fill, indented, literal
 from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
+from softnn.neural.guard import SLACK
 
 
 def instance(
@@ -46,7 +47,16 @@ def _corrected(
     if model.learned is not None:
         _unless_left_out("learned", options, out)
     members: list[str] = []
-    places = {"p": prefix, "springs": f"{prefix}_springs(e)", "branches": "0.0"}
+    low, high = model.units.knots[0], model.units.knots[-1]
+    slack = SLACK * (high - low)
+    places: dict[str, Any] = {
+        "p": prefix,
+        "springs": f"{prefix}_springs(e)",
+        "branches": "0.0",
+        "guard": name.upper(),
+        "lowest": low - slack,
+        "highest": high + slack,
+    }
     out.functions.append(_springs(model, prefix))
     used = np.flatnonzero(model.stiffness[model.units.segments :])
     if len(used):

@@ -16,11 +16,14 @@ from softnn.neural import (
     StoredNetwork,
     architecture_of,
 )
+from softnn.neural.convex import ConvexNetwork
 from softnn.neural.guard import SLACK
 from softnn.neural.inputs import FILTER_S
 
 
 def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> Instance:
+    if isinstance(model.network, ConvexNetwork):
+        return _convex(model, model.network, name, prefix)
     out = Instance(prefix, is_network=True)
     row, net = stepped(model), model.network
     size, wide = net.hidden.shape[0], net.hidden.shape[1] - 1
@@ -97,13 +100,45 @@ def network(model: StoredNetwork, name: str, prefix: str, options: Options) -> I
     return out
 
 
+def _convex(
+    model: StoredNetwork, net: ConvexNetwork, name: str, prefix: str
+) -> Instance:
+    """Return C of springs and Maxwell branches (`softnn.neural.convex`)."""
+    out = Instance(prefix, is_network=True)
+    knots, limits, times = net.hidden.T
+    filled = {
+        "p": prefix,
+        "n": len(net.hidden),
+        "knots": knots,
+        "limits": limits,
+        "times": times,
+        "stiffness": net.output[:-1],
+        "rest": float(net.output[-1]),
+    }
+    rate = fill(blocks("step.c")["sample_lags"], {"lags": 0})
+    check = _check(model, name.upper())
+    out.types.append(fill(blocks("base.c")["convex_type"], filled))
+    out.functions.append(fill(blocks("base.c")["convex"], filled))
+    places = {"p": prefix, "inputs": rate, "check": check}
+    out.functions.append(fill(blocks("step.c")["convex"], places))
+    members = ["double past[1], before, rate;", f"{prefix}_units_t units;"]
+    out.types.append(struct_of(prefix, members))
+    out.notes.append("Before the first sample the specimen is at rest at zero strain.")
+    return out
+
+
 def stepped(model: StoredNetwork) -> Architecture:
-    """The inputs of a network; `InputError` for those that no export can make."""
+    """The inputs of a network of tanh neurons; `InputError` for any other network."""
     row = architecture_of(model.architecture)
     if row.feedback or row.radial or row.recurrent or row.convex:
+        why = (
+            "to ONNX: its units have a memory, which ONNX has not; try --to c"
+            if row.convex
+            else "as C or ONNX: there is none for stress fed back, Gaussian or "
+            "recurrent units"
+        )
         raise InputError(
-            f"a network of inputs {model.architecture} cannot be exported: no C is "
-            "written for stress fed back, nor for Gaussian, recurrent or convex units"
+            f"a network of inputs {model.architecture} cannot be exported {why}"
         )
     return row
 

@@ -93,7 +93,11 @@ def add_simulate(commands: Any) -> None:
         "up.",
         epilog="Example: softnn simulate found/case/model.json new.csv --out simulated",
     )
-    parser.add_argument("model", metavar="MODEL.json")
+    parser.add_argument(
+        "model",
+        metavar="MODEL.json",
+        help="a model.json, a network.json, or models:/NAME@ALIAS of MLflow",
+    )
     parser.add_argument("recordings", nargs="+", metavar="FILE|FOLDER")
     parser.add_argument("--out", required=True, metavar="DIR")
     parser.add_argument(

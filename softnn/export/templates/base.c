@@ -69,3 +69,45 @@ static double {p}_network(const double *x)
     }
     return {stress};
 }
+/*@ convex_type */
+typedef struct {
+    int known;
+    double dt, last[{n}], decay[{n}], gain[{n}], carried[{n}];
+} {p}_units_t;
+/*@ convex */
+/* Springs and Maxwell branches that engage at a knot; the strain of some saturates. */
+static double {p}_units({p}_units_t *s, double dt, double strain)
+{
+    static const double knot[{n}] = {{knots}};
+    static const double limit[{n}] = {{limits}}; /* 0: none */
+    static const double time[{n}] = {{times}};   /* 0: a spring */
+    static const double stiffness[{n}] = {{stiffness}};
+    const int same = s->known && dt == s->dt;
+    double sum = {rest};
+    int j;
+    for (j = 0; j < {n}; j++) {
+        const double away = strain - knot[j];
+        double b = knot[j] > 0.0   ? fmax(away, 0.0)
+                   : knot[j] < 0.0 ? fmin(away, 0.0)
+                                   : away;
+        if (limit[j] > 0.0) {
+            b = sign(b) * limit[j] * -expm1(-fabs(b) / limit[j]);
+        }
+        if (time[j] > 0.0) {
+            double stress;
+            if (!same) {
+                const double x = dt / time[j], lost = -expm1(-x);
+                s->decay[j] = 1.0 - lost;
+                s->gain[j] = x > 1e-9 ? lost / x : 1.0 - x / 2.0;
+            }
+            stress = s->decay[j] * s->carried[j] + s->gain[j] * (b - s->last[j]);
+            s->carried[j] = fabs(stress) < 1e-290 ? 0.0 : stress;
+            s->last[j] = b;
+            b = s->carried[j];
+        }
+        sum += stiffness[j] * b;
+    }
+    s->dt = dt;
+    s->known = 1;
+    return sum;
+}

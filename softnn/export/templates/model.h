@@ -14,8 +14,10 @@
 extern "C" {
 #endif
 
-/* {name}_state.flags after a step: inputs that the model has never been shown. */
-#define {guard}_STRAIN 1u    /* a strain beyond those of the training */
+/* {name}_state.flags after a step: inputs that the model has never been shown.
+ * A corrected model does not know the rates of its recordings: networks alone set RATE
+ * and DIRECTION. */
+#define {guard}_STRAIN 1u    /* a strain beyond those of the recordings */
 #define {guard}_RATE 2u      /* a strain rate beyond them */
 #define {guard}_DIRECTION 4u /* unloading, or loading, of which none was shown */
 #define {guard}_UNUSABLE 8u  /* no number, or time that runs back: stress is the last */

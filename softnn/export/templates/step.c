@@ -4,7 +4,10 @@ static double {p}_step({p}_t *s, int first, double dt, double t, double strain,
 {
 {enter}    double e = strain, b = strain, lapse = dt, eq, br, y; /* lapse: of branches */
     (void)s, (void)first, (void)dt, (void)t, (void)temperature_C, (void)simulated_MPa;
-    (void)flags, (void)b, (void)lapse;
+    (void)b, (void)lapse;
+    if (strain < {lowest} || strain > {highest}) {
+        *flags |= {guard}_STRAIN;
+    }
 {before}    eq = {springs};
     br = {branches};
 {after}    y = eq + br;
@@ -18,6 +21,15 @@ static double {p}_step({p}_t *s, int first, double dt, double t, double strain,
     (void)t, (void)temperature_C, (void)simulated_MPa;
 {inputs}{check}    (void)rate, (void)flags, (void)dt;
     return {p}_network(x);
+}
+/*@ convex */
+static double {p}_step({p}_t *s, int first, double dt, double t, double strain,
+                       double temperature_C, double simulated_MPa, unsigned *flags)
+{
+    double rate;
+    (void)t, (void)temperature_C, (void)simulated_MPa;
+{inputs}{check}    (void)rate, (void)flags;
+    return {p}_units(&s->units, dt, strain);
 }
 /*@ sample_lags */
     {
