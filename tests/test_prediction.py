@@ -14,7 +14,7 @@ from softnn.mismatch import faults, prediction
 from softnn.mismatch.base import Baseline
 from softnn.mismatch.decision import Shows, decide_by_prediction
 from softnn.mismatch.faults import Fault
-from softnn.mismatch.posterior import Hypothesis, Posterior
+from softnn.mismatch.posterior import SURE, Hypothesis, Posterior
 from softnn.mismatch.prediction import Candidate, Fold, Folds, Judge, best, harms
 from softnn.mismatch.screen import only
 from softnn.model_file import from_dict, to_dict
@@ -295,6 +295,21 @@ def test_one_recording_says_less_than_several():
     )
     odds = [e["slack"] / e["inertia"] for e in (several, alone)]
     assert odds[0] > 2 * odds[1] > 2
+
+
+@pytest.mark.parametrize("recordings", [1, 2, 3, 5])
+def test_one_or_two_recordings_make_no_name_sure(recordings):
+    rows = ((), [0.2] * 5), (("slack",), [1e-4] * 5)  # as clear as can be
+    found = candidates(*rows, kinds=("recording",) * 5)
+    every = tuple(
+        Fold("recording", f.rows, (i % recordings,) if recordings > 1 else ())
+        for i, f in enumerate(found[0].folds.every)
+    )
+    known = Folds(every, found[0].folds.squares)
+    told = posterior([replace(c, folds=known) for c in found])
+    assert (told.effects["slack"] >= SURE) == (recordings > 2)
+    assert told.effects["slack"] >= 0.5  # most likely all the same
+    assert told.nothing_named == pytest.approx(1 - told.effects["slack"])
 
 
 # --- decision -------------------------------------------------------------------------

@@ -84,6 +84,16 @@ class Folds:
         count = sum(f.by in ("specimen", "recording") for f in self.every)
         return SHARP * min(max(count, 1) / ENOUGH, 1.0)
 
+    @property
+    def chance(self) -> float:
+        """Probability that what these recordings need, the next one does not.
+
+        With fewer than `ENOUGH` recordings it is that of the rule of succession
+        (Laplace), so one or two recordings never make a name sure. Else it is zero.
+        """
+        recordings = len({r for f in self.every for r in f.recordings}) or 1
+        return 1 / (recordings + 2) if recordings < ENOUGH else 0.0
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -509,14 +519,14 @@ def posterior(found: Sequence[Candidate], bare: Candidate) -> Posterior:
     log P(S) = - sharpness times the score of S - `PRICE` for each effect. No set
     reaches the noise, so the cause may be an effect that is not on the list. Its
     probability is the share of the error of the base that the best set leaves, to the
-    power `OTHER`. `bare` is the base without faults.
+    power `OTHER`, and not below `Folds.chance`. `bare` is the base without faults.
     """
     base = found[0]
     log = np.array([c.log_odds - PRICE * len(c.effects) for c in found])
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     gain = base.score - min(c.score for c in found)
-    other = np.exp(-OTHER * gain)
+    other = max(float(np.exp(-OTHER * gain)), base.folds.chance)
     weight *= 1 - other
     weight[0] += other
     whole = [replace(c, given=frozenset()) for c in found]
