@@ -148,7 +148,7 @@ def recordings_found() -> dict:
     material = [{"set": "foam", "group": "a", "bars": {"nrmse": 0.04, "ratio": 0.25}}]
     material += [{"set": "foam", "group": "b", "bars": {"nrmse": 0.035}}]
     head = {"groups": 12, "groups_judged": 9, "groups_in_agreement": 7}
-    head |= {"bars": 6, "bars_met": 5}
+    head |= {"bars": 6, "bars_met": 5, "sure_names": 4, "sure_names_excluded": 1}
     head |= {"cycles_from_first_loading_nrmse_before_median": 0.3}
     head |= {"cycles_from_first_loading_nrmse_after_median": None}
     faults = {

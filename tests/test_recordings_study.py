@@ -187,6 +187,17 @@ def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     assert "5 diagnoses, 0 of them at hand" in capsys.readouterr().out
 
 
+def test_sure_names_are_counted_and_held_against_the_literature():
+    material = {("soft", "a"): sets.Material((("slack",),), ("inertia",))}
+    row = Row("soft", "a", "all", "pl-wiechert", selected=["slack", "inertia"])
+    row.probability = {"slack": 0.93, "inertia": 0.89}
+    head = reporting.headline([row], material, None, "pl-wiechert")
+    assert (head["sure_names"], head["sure_names_excluded"]) == (1, 0)
+    row.probability["inertia"] = 0.9
+    head = reporting.headline([row], material, None, "pl-wiechert")
+    assert (head["sure_names"], head["sure_names_excluded"]) == (2, 1)
+
+
 def test_other_bases_and_faults_stay_with_the_commit_that_made_them(tmp_path):
     here = groups.Group("soft", "a", (triangle(),), False, sets.Material(), ())
     old = {"made": "2026-11-20", "softnn": "0.1.0", "commit": "0123abc"}

@@ -55,6 +55,10 @@ def on_real(real: dict[str, Any]) -> list[list[str]]:
             "... groups in which the names agree with the literature",
             f"{head['groups_in_agreement']} of {head['groups_judged']}",
         ],
+        [
+            "... names given at 90 % or more there; excluded by the literature",
+            f"{head['sure_names']}; {head['sure_names_excluded']}",
+        ],
     ]
     faults = real.get("faults")
     if (
@@ -63,8 +67,8 @@ def on_real(real: dict[str, Any]) -> list[list[str]]:
         found, false = faults["found"], faults["with_a_false_name"]
         rows.append(
             [
-                "... faults put into copies of them: found; with a false name beside",
-                f"{found['right']} of {found['of']}; {false['right']}",
+                "... faults put into copies of them: found; copies with a false name",
+                f"{found['right']} of {found['of']}; {false['right']} of {false['of']}",
             ]
         )
     return rows
@@ -82,7 +86,7 @@ def beside(rivals: dict[str, Any]) -> list[list[str]]:
     low, high = head[f"{near}/ratio_low"], head[f"{near}/ratio_high"]
     return [
         [
-            f"... the best other method ({name}): its error over softnn's",
+            f"... the best other method ({name}) has this many times softnn's error",
             f"{head[f'{near}/ratio']:.2f} ({low:.2f} to {high:.2f})",
         ]
     ]

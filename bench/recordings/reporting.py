@@ -111,6 +111,9 @@ def headline(
     out["groups"] = len(whole)
     out["groups_judged"] = len(judged)
     out["groups_in_agreement"] = sum(w["agrees"] for w in judged)
+    # Names of groups of which the literature says what is there, and what is not.
+    sure = [(n, n in w["named_though_absent"]) for w in judged for n in w["sure"]]
+    out["sure_names"], out["sure_names_excluded"] = len(sure), sum(x for _, x in sure)
     split = [r for r in mine if r.kind == "split"]
     bars = [m for r in split if (m := met(r, material[r.set, r.group])) is not None]
     out["bars"], out["bars_met"] = len(bars), sum(bars)

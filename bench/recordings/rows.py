@@ -15,6 +15,7 @@ from bench.recordings.groups import Group
 from bench.recordings.sets import Material
 from bench.scoring import Rate
 from softnn.json_file import plain
+from softnn.mismatch.posterior import SURE
 from softnn.study.common import percent, provenance_of
 
 MAIN = "pl-wiechert"  # the base that bars and faults are about
@@ -37,6 +38,7 @@ class Row:
     expected: str = ""
     verdict: str = ""
     selected: list[str] = field(default_factory=list)
+    probability: dict[str, float] = field(default_factory=dict)  # of what is selected
     equivalent: list[str] = field(default_factory=list)
     where: dict[str, str] = field(default_factory=dict)
     parameters: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -62,6 +64,7 @@ class Row:
         self.selected = list(result["selected"])
         for told in result["explanations"]:
             self.equivalent += told["equivalent"]
+            self.probability[told["effect"]] = told["probability"]
             self.where[told["effect"]] = told["where"]
             self.parameters[told["effect"]] = {
                 k: v["value"] for k, v in told["parameters"].items() if " of " not in k
@@ -120,6 +123,7 @@ def agreement(row: Row, material: Material) -> dict[str, Any]:
     return {
         "missed": missed,
         "named_though_absent": wrong,
+        "sure": sorted(n for n, p in row.probability.items() if p >= SURE),
         "beyond": sorted(found - expected - set(material.absent)),
         # Fitted to first loading alone nothing need be seen: that is the trial.
         "agrees": None
