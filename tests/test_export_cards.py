@@ -24,8 +24,10 @@ def card_model(**softening):
     units = Units("pl-wiechert", (0.0, 0.1, 0.3, 0.6), (0.5, 20.0))
     law = effect("mullins_softening")
     values = law.defaults() | softening
-    pieces = (Piece(law, values, ()), piece(effect("slack")))
-    own: tuple[dict, ...] = ({}, {"gap": {"r": 0.02}})
+    hard = effect("nonlinear_elasticity")
+    stiffer = Piece(hard, hard.defaults() | {"stiffening_MPa": 0.02}, ())
+    pieces = (Piece(law, values, ()), stiffer, piece(effect("slack")))
+    own: tuple[dict, ...] = ({}, {}, {"gap": {"r": 0.02}})
     stiffness = np.array([6.0, 5.0, 7.0, 0.8, 0.4])
     return Stored(units, stiffness, pieces, own, False, "fresh")
 
@@ -61,7 +63,8 @@ def test_abaqus_card_carries_the_curve_the_series_and_the_softening():
     # Energy up to 0.3: the trapezia of the springs and half of 1.2 x 0.3 squared.
     energy = 0.6 * 0.1 / 2 + (0.6 + 1.6) / 2 * 0.2 + 0.6 * 0.3**2
     assert softening == pytest.approx([1 / 0.4, 0.7 * energy, 0.7], rel=1e-2)
-    assert "NOT CARRIED: slack (Slack)" in text
+    assert "NOT CARRIED: nonlinear_elasticity (NonlinearElasticity)" in text
+    assert "of the test, not of the material: slack" in text
     assert "*Material, name=foam_3\n" in text
 
 
@@ -74,7 +77,7 @@ def test_ansys_card_says_the_same():
     np.testing.assert_allclose(np.array(points, float), curve[:, ::-1], rtol=1e-8)
     assert "TB,PRONY,MATID,1,2,SHEAR" in text
     assert "TB,CDM,MATID,1,3,PSE2" in text
-    assert "NOT CARRIED: slack (Slack)" in text
+    assert "NOT CARRIED: nonlinear_elasticity (NonlinearElasticity)" in text
 
 
 def test_a_card_of_one_straight_spring_relaxes_exactly():
@@ -133,32 +136,37 @@ def test_the_command_says_what_a_card_lacks_and_how_much_that_is(tmp_path, capsy
     told = capsys.readouterr()
     assert told.out == f"{out / 'm.inp'}\n"
     assert "off the model's, over cycles to a strain of 0.6" in told.err
-    assert "not carried: slack (Slack): toe 0, gap 0.024" in told.err
+    assert "not carried: nonlinear_elasticity (NonlinearElasticity)" in told.err
+    assert "so not in the card: slack" in told.err
 
 
 def test_a_card_far_off_is_refused_until_it_is_wanted_anyway(tmp_path, capsys):
     file = stored_card(tmp_path / "m.json", depth=0.05, scale=0.3, sharpness=0.7)
     content = json.loads(file.read_text())
-    content["effects"][1]["values"]["gap"] = 0.1
+    content["effects"][2]["values"]["gap"] = 0.1  # of the test: no card has it
     file.write_text(json.dumps(content))
     out = tmp_path / "out"
+    assert exported(file, tmp_path / "slack") == 0
+    content["effects"][1]["values"]["stiffening_MPa"] = 5.0
+    file.write_text(json.dumps(content))
+    capsys.readouterr()
     assert exported(file, out) == 2
     error = capsys.readouterr().err
     assert not out.exists()
     assert error.count("\n") == 1
-    assert "slack" in error
+    assert "nonlinear_elasticity" in error
     found = loss(read_model(file), card(read_model(file)))
     assert f"{100 * found.whole:.2g} % off" in error
-    assert dict(found.of)["slack"] > 0.1
+    assert dict(found.of)["nonlinear_elasticity"] > 0.1
     assert exported(file, out, "--anyway") == 0
     assert (out / "m.inp").exists()
 
 
 def test_a_card_is_compared_over_the_recordings_that_are_given(tmp_path, capsys):
-    """A gap of 0.02 is much of a strain of 0.05, and little of one of 0.6."""
+    """A stiffening with the third power matters at a strain of 0.6, not at 0.05."""
     file = stored_card(tmp_path / "m.json", depth=0.05, scale=0.3, sharpness=0.7)
     content = json.loads(file.read_text())
-    content["effects"][1]["values"]["gap"] = 0.02
+    content["effects"][1]["values"]["stiffening_MPa"] = 5.0
     file.write_text(json.dumps(content))
     time = np.linspace(0, 20, 201)
     for name, high in (("small", 0.05), ("large", 0.6)):
@@ -172,9 +180,24 @@ def test_a_card_is_compared_over_the_recordings_that_are_given(tmp_path, capsys)
             comments="",
         )
     small, large = (str(tmp_path / f"{n}.csv") for n in ("small", "large"))
-    assert exported(file, tmp_path / "a", "--recordings", small) == 2
+    assert exported(file, tmp_path / "a", "--recordings", large) == 2
     assert "over 1 recording;" in capsys.readouterr().err
-    assert exported(file, tmp_path / "b", "--recordings", large) == 0
+    assert exported(file, tmp_path / "b", "--recordings", small) == 0
+
+
+def test_a_card_has_the_scale_of_a_new_recording():
+    units = Units("pl-sls", (-0.6, -0.3, 0.0), (2.0,))
+    law = effect("gain_error")
+    pieces = (Piece(law, {"error": 0.25}, ()),)
+    own = ({"error": {"a": 0.0, "b": 0.5}},)
+    model = Stored(units, np.array([6.0, 5.0, 0.8]), pieces, own, False, "fresh")
+    plain = Stored(units, np.array([6.0, 5.0, 0.8]), (), (), False, "fresh")
+    made = card(model)
+    assert not made.missing
+    assert not made.of_test
+    np.testing.assert_allclose(made.stress_MPa, 1.25 * card(plain).stress_MPa)
+    assert loss(model, made).whole == pytest.approx(loss(plain, card(plain)).whole)
+    assert "strain of -0.6" in loss(model, made).over
 
 
 def test_a_spring_alone_has_a_card_that_is_the_model():

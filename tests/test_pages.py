@@ -44,7 +44,7 @@ def test_examples_of_a_page_run_as_they_stand(name, tmp_path, monkeypatch, capsy
     if name == "own.md":
         assert (tmp_path / "found/my_recordings/report.html").is_file()
         said = capsys.readouterr().out
-        assert re.search(r"Slack \(\d+ %\) was left out", said)
+        assert re.search(r"Mullins softening \(\d+ %\) was left out", said)
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 import softnn
-from softnn.contracts import Array, InputError
+from softnn.contracts import Array, Effect, InputError
 from softnn.export.source import described
 from softnn.export.templates_of import literal, remark
 from softnn.model_file import Stored
@@ -31,7 +31,8 @@ class Card:
 
     `lasting_error` is the largest distance of the card's relaxed curve from the
     model's, over the largest stress of that. `missing` are lines on what the card
-    lacks, `left_out` the places of the effects among them in the model.
+    lacks, `left_out` the places of the effects among them in the model. `of_test` are
+    the ids of effects of the rig and the sensors, which no material has.
     """
 
     strain: Array
@@ -42,6 +43,15 @@ class Card:
     lasting_error: float
     missing: tuple[str, ...]
     left_out: tuple[int, ...] = ()
+    of_test: tuple[str, ...] = ()
+
+
+def of_test(law: Effect) -> bool:
+    """Return whether an effect is one of the rig or the sensors.
+
+    The scale of the stress is not: the card has that of a new recording, as C has it.
+    """
+    return law.stage != "material" and law.id != "gain_error"
 
 
 def card(model: Stored | StoredNetwork) -> Card:
@@ -50,7 +60,9 @@ def card(model: Stored | StoredNetwork) -> Card:
         raise InputError("a network has no material card; try --to c, onnx or fmu")
     if model.needs_simulated:
         raise InputError(
-            "this model corrects a simulation, whose material a card would have to hold"
+            "this model corrects a simulation, whose material a card would have to "
+            "hold; for a card of the whole material diagnose the same recordings with "
+            "--model pl-wiechert"
         )
     units = model.units
     for value in (*model.stiffness, *units.knots, *units.relaxation_times):
@@ -62,8 +74,11 @@ def card(model: Stored | StoredNetwork) -> Card:
     springs = model.stiffness[: units.segments]
     branches = model.stiffness[units.segments :]
     used = np.flatnonzero(branches)
-    lasting = units.springs(strain) @ springs
-    whole = lasting + branches.sum() * strain
+    scale = np.prod(
+        [1 + np.mean(p.values["error"]) for p in model.pieces if p.effect.scatter]
+    )
+    lasting = units.springs(strain) @ springs * scale
+    whole = lasting + branches.sum() * strain * scale
     if not np.isfinite(whole).all() or not (np.diff(whole) > 0).all():
         raise InputError(
             "the curve does not rise with strain; a card needs one that does"
@@ -81,6 +96,8 @@ def card(model: Stored | StoredNetwork) -> Card:
         )
     for i, piece in enumerate(model.pieces):
         law, p = piece.effect, piece.values
+        if law.scatter or of_test(law):
+            continue
         if law.form == MULLINS and softening is None and 0 < p["depth"] < 1:
             softening = _mullins(p, strain, whole)
             missing += _unlike(p)
@@ -99,6 +116,7 @@ def card(model: Stored | StoredNetwork) -> Card:
         float(off),
         tuple(remark(m, 200) for m in missing),
         tuple(left_out),
+        tuple(p.effect.id for p in model.pieces if of_test(p.effect)),
     )
 
 
@@ -119,14 +137,18 @@ def _mullins(p: dict, strain: Array, stress: Array) -> tuple[float, float, float
 
 def _unlike(p: dict) -> list[str]:
     out = [
-        "mullins_softening goes with the energy of the curve here, "
-        f"with strain to the power {p['power']:.3g} in the model"
+        "in the card Mullins softening follows the energy of the curve, in the model "
+        f"strain to the power {p['power']:.3g}"
     ]
     share = p["viscous_share"]
     if share != 1:
-        where = "branches" if share < 1 else "spring"
-        part = f"{min(share, 2 - share):.3g} of the {where}"
-        out.append(f"mullins_softening acts on all stress here, on {part} in the model")
+        whole, part = "springs", "branches"
+        if share > 1:
+            whole, part = part, whole
+        out.append(
+            "in the card Mullins softening lowers all stress, in the model that of the "
+            f"{whole} and {100 * min(share, 2 - share):.2g} % of that of the {part}"
+        )
     return out
 
 
@@ -144,6 +166,8 @@ def _head(model: Stored, made: Card, code: str) -> list[str]:
             f"the lasting curve is off by up to {100 * made.lasting_error:.3g} %"
         )
     lines += [f"NOT CARRIED: {m}" for m in made.missing]
+    if made.of_test:
+        lines.append(f"of the test, not of the material: {', '.join(made.of_test)}")
     if not made.missing:
         lines.append("nothing else of the model is missing")
     return lines

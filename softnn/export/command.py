@@ -112,7 +112,11 @@ def compared(model: Any, recordings: Sequence[Recording], anyway: bool) -> list[
     found = loss(model, made, recordings)
     if found.whole > MOST and not anyway:
         raise InputError(f"{found.line}; --anyway writes it all the same")
-    return [found.line, *(f"not carried: {m}" for m in made.missing)]
+    lines = [found.line, *(f"not carried: {m}" for m in made.missing)]
+    if made.of_test:
+        names = ", ".join(made.of_test)
+        lines.append(f"of the test, not of the material, so not in the card: {names}")
+    return lines
 
 
 def _read(files: Sequence[str]) -> list[Recording]:

@@ -23,14 +23,13 @@ import numpy as np
 from scipy.special import erf
 
 from softnn.contracts import Array, Chunk
-from softnn.export.cards import Card
+from softnn.export.cards import Card, of_test
 from softnn.model_file import Stored
 from softnn.models.units import Units
 from softnn.recording import Recording
 from softnn.simulate import simulate
 
 MOST = 0.1  # of the stress, that a card may be off without being asked for
-USUAL = 0.3  # strain of a model whose range is not known
 SECONDS = 10.0  # of a ramp, where no branch says how long one is
 STEPS = 60  # of a ramp
 
@@ -60,7 +59,9 @@ def loss(model: Stored, made: Card, recordings: Sequence[Recording] = ()) -> Los
     """Return how far the card is from the model over the strain of recordings.
 
     Without any: over cycles and a hold in the model's own range of strain and time.
+    Effects of the rig and the sensors take no part, as a card is of the material.
     """
+    seen = [i for i, p in enumerate(model.pieces) if not of_test(p.effect)]
     if recordings:
         names = [r.name for r in recordings]
         chunks = [r.history for r in recordings]
@@ -68,22 +69,23 @@ def loss(model: Stored, made: Card, recordings: Sequence[Recording] = ()) -> Los
     else:
         chunks = programme(model)
         names = [""] * len(chunks)
-        over = f"over cycles to a strain of {chunks[0].strain.max():.3g} and a hold"
+        reach = max(chunks[0].strain, key=abs)
+        over = f"over cycles to a strain of {reach:.3g} and a hold"
     none = [None] * len(chunks)
 
-    def stress(some: Stored) -> Array:
+    def having(places: Sequence[int]) -> Array:
+        some = replace(
+            model,
+            pieces=tuple(model.pieces[k] for k in places),
+            own=tuple(model.own[k] for k in places),
+        )
         return np.concatenate(some.stress(names, chunks, none))
 
-    whole = stress(model)
-    of = []
-    for i in made.left_out:
-        rest = [k for k in range(len(model.pieces)) if k != i]
-        without = replace(
-            model,
-            pieces=tuple(model.pieces[k] for k in rest),
-            own=tuple(model.own[k] for k in rest),
-        )
-        of.append((model.pieces[i].effect.id, _share(stress(without), whole)))
+    whole = having(seen)
+    of = [
+        (model.pieces[i].effect.id, _share(having([k for k in seen if k != i]), whole))
+        for i in made.left_out
+    ]
     card = np.concatenate([card_stress(made, c) for c in chunks])
     return Loss(_share(card, whole), tuple(of), over)
 
@@ -135,7 +137,7 @@ def _softened(made: Card, strain: Array, r: float, m: float, beta: float) -> Arr
 def programme(model: Stored) -> list[Chunk]:
     """Two cycles at up to three rates, and a hold, in the model's own range."""
     units = model.units
-    high = units.knots[-1] if units.segments > 1 else USUAL
+    high = max(units.knots[-1], units.knots[0], key=abs)
     used = np.flatnonzero(model.stiffness[units.segments :])
     times = np.array(units.relaxation_times)[used]
     low, long = (times.min(), times.max()) if len(times) else (SECONDS, SECONDS)
