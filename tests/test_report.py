@@ -290,6 +290,25 @@ def test_the_answer_is_a_sentence_a_number_and_a_next_step():
     )
 
 
+def test_an_effect_that_may_be_there_beside_a_sure_one_is_asked_for():
+    given = told().result
+    rows = [dict(r) for r in given["candidates"]]
+    for row in rows:
+        if row["effect"] == "permanent_set":
+            row["probability"] = 0.4
+    alone = [e | {"equivalent": []} for e in given["explanations"]]
+    answer = words.answer(given | {"candidates": rows, "explanations": alone})
+    assert answer["next"].startswith("To see whether permanent set is there as well, ")
+
+
+def test_a_cause_on_no_list_has_a_row(tmp_path):
+    found = told()
+    for chance, said_ in ((0.001, False), (0.31, True)):
+        found.result["probabilities"]["on_no_list"] = chance
+        text = visible(write_report(found, tmp_path)[0])
+        assert ("A cause that is not on the list 31 %" in text) == said_
+
+
 def test_two_effects_of_new_specimens_and_whether_there_is_a_third():
     row = {"evidence": 0.0, "heldout_nrmse": 0.1, "alone": True, "together": None}
     result = changed(

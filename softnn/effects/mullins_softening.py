@@ -43,7 +43,12 @@ class MullinsSoftening(Effect):
         ),
         Parameter("sharpness", "-", 0.02, 10.0, 0.7, "log", "s, how late it comes"),
         Parameter(
-            "viscous_share", "-", 0.0, 2.0, 1.0, meaning="v, 1 all, 2 branches alone"
+            "viscous_share",
+            "-",
+            0.0,
+            2.0,
+            1.0,
+            meaning="v: 0 springs alone, 1 all stress, 2 branches alone",
         ),
         Parameter("power", "-", 0.5, 4.0, 2.0, "log", "q, energy over strain"),
     )

@@ -18,6 +18,7 @@ from softnn.report.phrases import listed, number, opened, percent, plain, sure
 Result = Mapping[str, Any]
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth")
+MOST = 3  # effects that a search adds
 FEW = 2  # recordings that a sentence names; for more it gives their number
 SAME = 1.02  # factor of an error within which another error counts as equal
 
@@ -147,7 +148,9 @@ def _error(result: Result) -> str:
     elif set(by) <= set(names):
         with_ = "With it" if len(names) == 1 else "With them"
     else:
-        with_ = f"With {listed([plain(n) for n in by if n not in names])} as well"
+        every = _probability(result)
+        more = [f"{plain(n)} ({sure(every[n])})" for n in by if n not in names]
+        with_ = f"With {listed(more)} as well, not certain"
     old, least = fit["before"]["heldout_nrmse"] ** 2, fit["noise_nrmse"] ** 2
     if names and old - fit["after"]["heldout_nrmse"] ** 2 < HELPS * (old - least):
         # A fault of single recordings does not help to predict others.
@@ -181,6 +184,8 @@ def _open(result: Result) -> list[str]:
         said.append(
             f"Whether a {which} effect is there{maybe}, these recordings cannot tell."
         )
+        if len(names) >= MOST:
+            said.append(f"softnn adds {MOST} effects at most; more may act.")
     elif beside:
         is_ = "is" if len(beside) == 1 else "are"
         said.append(f"{opened(listed(beside))} {is_} possible as well.")
@@ -253,7 +258,15 @@ def _next(result: Result) -> str:
         return f"Check cross-section and units of {them}."
     if advice:
         separates = [plain(n) for n in advice["separates"]]
+        every = _probability(result)
         if len(separates) == 2:
+            certain = [every.get(n, 0.0) >= SURE for n in advice["separates"]]
+            alike = frozenset(advice["separates"]) in _equivalent(result)
+            if any(certain) and not alike:  # the other may be there as well
+                return (
+                    f"To see whether {separates[certain[0]]} is there as well, record "
+                    f"{advice['strain_programme']}."
+                )
             return (
                 f"To tell {separates[0]} from {separates[1]}, record "
                 f"{advice['strain_programme']}."
@@ -291,11 +304,7 @@ def next_recording(result: Result) -> dict[str, Any] | None:
         for second in likely[i + 1 :]
         if every[second] < SURE
     ]
-    same = {
-        frozenset((told["effect"], other))
-        for told in result["explanations"]
-        for other in told["equivalent"]
-    }
+    same = _equivalent(result)
     # Two named effects rarely replace each other: such pairs come last.
     named = set(result["selected"])
     open_.sort(key=lambda pair: (frozenset(pair) not in same, set(pair) <= named))
@@ -308,6 +317,15 @@ def next_recording(result: Result) -> dict[str, Any] | None:
                 "why": "one of them does not show there",
             }
     return None
+
+
+def _equivalent(result: Result) -> set[frozenset[str]]:
+    """Return the pairs of effects that do nearly as well in place of each other."""
+    return {
+        frozenset((told["effect"], other))
+        for told in result["explanations"]
+        for other in told["equivalent"]
+    }
 
 
 # --- reasons --------------------------------------------------------------------------
@@ -330,7 +348,8 @@ def reason(row: Mapping[str, Any], result: Result) -> str:
     alone = f"leaves {percent(error)} alone" if row["alone"] else ""
     if name in by:
         return (
-            f"{alone or 'not fitted alone'}; in the corrected model, perhaps by chance"
+            f"{alone or 'not fitted alone'}; the corrected model has it and predicts "
+            "better so, but it is not certain enough to be named"
         )
     if result["shows"]["few"]:
         return "too little was recorded to tell"

@@ -19,6 +19,7 @@ from softnn.report.phrases import percent
 SAMPLES = 60_000  # on one page; a screen has 2 000 columns
 LEAST, MOST = 300, 6000  # samples a recording
 DIGITS = 6
+BEND, MOST_CORNERS = 0.05, 24  # of the largest slope; more corners are not listed
 
 
 def recordings(found: Found) -> list[dict[str, Any]]:
@@ -117,4 +118,21 @@ def sketch(
         "low": low,
         "high": high,
         "zero": height * high / max(high - low, 1e-300),
+        "corners": ", ".join(f"{t:.3g} {e:.3g}" for t, e in corners(time, y)),
     }
+
+
+def corners(time_s: Array, strain: Array) -> list[tuple[float, float]]:
+    """Return the corners (time, strain) of a path of straight ramps; [] of a curve.
+
+    >>> corners(np.arange(5.0), np.array([0.0, 1.0, 2.0, 2.0, 2.0]))
+    [(0.0, 0.0), (2.0, 2.0), (4.0, 2.0)]
+    """
+    slope = np.diff(strain) / np.maximum(np.diff(time_s), 1e-300)
+    turns = np.abs(np.diff(slope)) > BEND * np.abs(slope).max()
+    # A corner between two samples bends the line at both; the first one counts.
+    turns[1:] &= ~turns[:-1]
+    at = [0, *(np.flatnonzero(turns) + 1), len(strain) - 1]
+    if len(at) > MOST_CORNERS:
+        return []
+    return [(float(time_s[i] - time_s[0]), float(strain[i])) for i in at]
