@@ -22,8 +22,8 @@ class FrictionHysteresis(Effect):
 
     friction F in MPa (half the height of the loop), presliding strain r, growth beta
     per unit of strain. Radii r_k are r times 1/8 to 8. Weights w_k sum to one and are
-    log-normal about 1, with `spread` in octaves. An element that slides only after 15 %
-    of strain counts as plastic (`permanent_set`), not as friction. Stop operators of
+    log-normal about 1, with `spread` in octaves. The presliding strain is 15 % at most;
+    what slides later counts as plastic (`permanent_set`). Stop operators of
     Prandtl and Ishlinskii; Krasnosel'skii and Pokrovskii 1989,
     doi:10.1007/978-3-642-61302-9.
 

@@ -115,8 +115,8 @@ def _creeping(chunk: Chunk, stress: Array) -> tuple[float, float]:
 
     The rate is 0 where the change slows down, as a material that nears its steady state
     does. It is nan where too few cycles are alike. It is also nan where the stress
-    moves away from the load: relaxation does that, too, unless the specimen bears no
-    stress at the return.
+    drifts against the direction of the load, as relaxation does, unless the specimen
+    bears no stress at the return.
     """
     rows = _returns(chunk, stress)
     if len(rows) < RETURNS:

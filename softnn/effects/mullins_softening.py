@@ -8,7 +8,7 @@ from scipy.special import erf
 from softnn.contracts import Effect, Parameter
 from softnn.effects._programmes import cycles
 
-EARLY = 0.2  # of the largest strain: damage complete before it is a joint coming off
+EARLY = 0.2  # of the largest strain: damage complete below it is a failing joint
 
 
 class MullinsSoftening(Effect):

@@ -31,8 +31,9 @@ class Shows:
 class Decision:
     """The decision. `account` corrects the simulation: the base alone if none does.
 
-    `helps`: whether the selected effects predict left-out recordings clearly better
-    than the base does.
+    `tellable`: whether these recordings can separate effects of the material. `helps`:
+    whether the correcting candidate predicts left-out recordings clearly better than
+    the base does.
     """
 
     names: tuple[str, ...]

@@ -92,7 +92,8 @@ class Weigher:
     def weigh(self, found: Fit, whole: bool = True) -> Evidence:
         """Return the evidence of a fit under the noise that the engine weighs by.
 
-        Unless `whole`, `beside` is not computed and equals `alone`.
+        Unless `whole`, `beside` is not computed: it is the score with a slight
+        discrepancy.
         """
         engine = self.engine
         if self._white is None or self._white[0] != engine.noises:

@@ -1,8 +1,9 @@
 """Faults of single recordings, judged without any model of the material.
 
 Stress before the first strain, readings that stay at a limit, and differences between
-replicates mean the same for every material. So these faults are judged by themselves,
-once for all candidate models.
+replicates mean the same for every material. So these faults are judged by themselves.
+By prediction every candidate has the likely ones; by likelihood each candidate is split
+between with and without.
 """
 
 from __future__ import annotations

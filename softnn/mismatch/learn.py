@@ -3,8 +3,9 @@ r"""A learned correction for a cause outside softnn's list, and what it depends 
 The project's own Bayesian-regularised network learns the residual of the best
 simulation over state features: strain, largest strain so far, rate, time since the last
 reversal, travel so far, temperature, time. It uses no more freedom than the data give
-evidence for. Folds are whole recordings, so a correction counts only where it predicts
-recordings left out. Shuffling one feature at a time shows which features matter. A
+evidence for. A fold holds all recordings of one rate and amplitude, or a
+stretch of a single recording, so a correction counts only where it predicts what it did
+not see. Shuffling one feature at a time shows which features matter. A
 period, in time or in strain, is the peak of a Lomb-Scargle periodogram (Scargle 1982,
 doi:10.1086/160554), tested against the largest peak of shuffled whitened residuals.
 """

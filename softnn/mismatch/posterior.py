@@ -31,8 +31,8 @@ of an unlisted cause falls likewise. The hypothesis that nothing is missing has 
 k, because there only the noise model can be wrong.
 
 The constants are fitted to the names of development cases (`bench.calibrate`), some of
-them with form errors. Names, verdict and equivalents all follow from these
-probabilities.
+them with form errors. `decision` takes names and verdict from these probabilities and
+from the error on recordings left out.
 """
 
 from __future__ import annotations

@@ -178,8 +178,9 @@ def best(found: Sequence[Candidate]) -> Candidate:
 def folds(engine: Engine, specimens: Sequence[tuple[int, ...]]) -> list[Fold]:
     """Return folds by specimen or recording, by rate, by amplitude and by programme.
 
-    `specimens` are the recordings of each labelled specimen. At most half of the
-    recordings are left out at once. A single recording is split into five stretches.
+    `specimens` are the recordings of each labelled specimen. Folds by rate, amplitude
+    and programme hold half of the recordings at most. A single recording is split into
+    five stretches.
     """
     count = len(engine.chunks)
     if count < 2:
@@ -448,7 +449,7 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
     From now on the engine of the base weighs all samples alike, and the base is
     refitted so. All candidates, the base too, have the faults `given`. Other effects of
     single recordings take no part, because they predict no other recording. Slack
-    (`in_all`) does, as all strips are mounted alike.
+    (`carries_over`) does, as all strips are mounted alike.
     """
     engine = base.engine
     weigh_alike(engine)

@@ -4,7 +4,7 @@ Each recording is left out in turn; stiffnesses and effects come from the others
 recording's own parameters (its gap, offset, scale) are fitted to every other tenth of
 it, and the tenths between are predicted; then the tenths swap. The solution without a
 recording is one damped step of the joint normal equations, which are a sum over
-recordings. Its prediction is simulated, not linearised.
+recordings. Its NRMSE comes from a simulation; the misfit is linearised.
 """
 
 from __future__ import annotations
