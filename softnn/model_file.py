@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -224,15 +223,8 @@ def to_dict(
 def read_model(path: str | Path) -> Stored | StoredNetwork:
     """Return the model of a model.json, or of the file of a trained network.
 
-    `models:/NAME@ALIAS` names a network that a study has registered in MLflow: in the
-    store of MLFLOW_TRACKING_URI, or in mlruns/mlflow.db below this folder. Raises
-    `InputError` naming the fault of the file.
+    Raises `InputError` naming the fault of the file.
     """
-    if isinstance(path, str) and path.startswith(("models:/", "runs:/")):
-        from softnn.tracking import fetched
-
-        tracking = os.environ.get("MLFLOW_TRACKING_URI", "sqlite:///mlruns/mlflow.db")
-        path = fetched(path, tracking)
     path = Path(path)
     try:
         data = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)

@@ -79,7 +79,7 @@ def add_export(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from softnn.export.files import Options, export, write
-    from softnn.model_file import read_model
+    from softnn.mismatch.api import load_model
 
     out = Path(arguments.out)
     if out.suffix in ENDINGS and not out.is_dir():
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"--out is {arguments.out!r}, and names a folder; say --out "
             f"{out.parent} --name {out.stem}"
         )
-    model = read_model(arguments.model)
+    model = load_model(arguments.model)
     name = arguments.name or Path(arguments.model).stem
     options = Options(
         arguments.recording, tuple(arguments.leave_out), arguments.interval

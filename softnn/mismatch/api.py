@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import wraps
@@ -340,4 +341,9 @@ def load_model(path: str | Path) -> Stored | StoredNetwork:
     `models:/NAME@ALIAS` names a model that a study has registered in MLflow. The store
     is mlruns/mlflow.db below this folder, or the one in MLFLOW_TRACKING_URI.
     """
+    if isinstance(path, str) and path.startswith(("models:/", "runs:/")):
+        from softnn.tracking import fetched
+
+        tracking = os.environ.get("MLFLOW_TRACKING_URI", "sqlite:///mlruns/mlflow.db")
+        path = fetched(path, tracking)
     return read_model(path)

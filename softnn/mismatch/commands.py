@@ -240,11 +240,11 @@ def simulate(arguments: argparse.Namespace) -> int:
         known_by_name,
         outside,
     )
-    from softnn.model_file import read_model
+    from softnn.mismatch.api import load_model
     from softnn.readers.tidy import write_table
     from softnn.recording import bridged
 
-    model = read_model(arguments.model)
+    model = load_model(arguments.model)
     axes = model.axes
     every, notes = histories(
         arguments.recordings, axes, options_of(arguments), arguments.skip
