@@ -233,14 +233,13 @@ def _whole(option: str, value: int, least: int) -> None:
 def simulate(arguments: argparse.Namespace) -> int:
     from softnn.metrics import nrmse, r2
     from softnn.mismatch import batch
-    from softnn.mismatch.api import histories
+    from softnn.mismatch.api import histories, load_model
     from softnn.mismatch.histories import (
         beyond,
         check_reach,
         known_by_name,
         outside,
     )
-    from softnn.mismatch.api import load_model
     from softnn.readers.tidy import write_table
     from softnn.recording import bridged
 
