@@ -31,40 +31,56 @@ from softnn.study import common
 ROOT = Path(__file__).resolve().parents[2]
 MADE = (
     "Made by `python -m studies.architectures_page` from `studies/results`; no number "
-    "here is typed. Errors are NRMSE, +- one standard error over folds.",
+    "here is typed. NRMSE is the error over the root mean square of the stress: 10 % "
+    "means that the error is typically a tenth of the stress. It is the mean over "
+    "folds, +- one standard error. A dash stands where a model cannot be fitted: a PL "
+    "model needs holds, or two rates.",
     "How a network is chosen: the search ends with "
     f"the {FINALISTS} best networks for each use. These are trained again with other "
     "random folds and other starting weights. Of the networks that tie with the best "
-    "the smallest is chosen. A tie means: behind by at most one standard error of the "
-    "paired difference over folds, and by at most one of the best itself. The error "
-    "shown is that of a further training with new random folds and weights. The rates "
-    "or recordings held out stay the same, so that error is a little flattered.",
+    "the one with the fewest weights is chosen. A tie means: behind by at most one "
+    "standard error of the paired difference over folds, and by at most one of the "
+    "best itself. The error shown is that of a further training with new random folds "
+    "and weights. The rates or recordings held out stay the same, so that error is a "
+    "little flattered.",
     "Piecewise-linear models (PL) and boosted trees are fitted and chosen on the "
     "training recordings of each fold alone.",
     "A search begins with every architecture at 4 and 12 neurons, with Bayesian "
     "regularisation if the architecture has it. It draws at random up to trial "
-    f"{STARTUP}, and then the sampler follows the front. A search of fewer trials "
-    "compares architectures, but hardly neurons or regularisation.",
+    f"{STARTUP}, and then near the networks that are best in one error for a given "
+    "other one (the *front*). A search of fewer trials compares architectures, but "
+    "hardly neurons or regularisation.",
 )
 ABOUT = (
-    "This page is for those who want a network and ask which one. The first table has "
-    "two answers for each material: for recordings you have, and for rates or "
-    "specimens never seen. The best model that is no network stands beside each.",
-    "For a controller take the second answer, because a controller meets rates that "
-    "no test had. If the other model has the smaller error there, take that model. C "
-    "code exists for all of them but GRU and trees: "
-    "[controllers and FE codes](controllers.md). For a material of your own run "
-    '`make neurons ARGS="--data FOLDER"`.',
+    "This page is for those who want a network and ask which one. There are two "
+    "answers for each material: for recordings you have (first table), and for rates "
+    "or recordings never seen (second table). The best model that is no network "
+    "stands beside each.",
+    "A controller meets rates that no test had. So take the smallest error of the "
+    "second table; where errors differ by less than their standard errors take the "
+    "convex network, which is bounded at any rate. If the specimen unloads or hangs "
+    "slack, train [`taught`](controllers.md) as well, and compare both on a recording "
+    "that you left out. C code exists for FFRI, FFRD4, FFH, the convex network and "
+    "PL; not for GRU and trees.",
+    'For a material of your own run `make neurons ARGS="--data FOLDER"`, with '
+    "`--cycles` if your recordings unload. Seven more sets of recordings stand under "
+    "[Rates never seen](#rates-never-seen).",
     "- FFRI1, FFRI2, FFRI3: feed-forward networks. Inputs: the strain now; FFRI2 adds "
     "the strain one lag before, FFRI3 that of two lags before.\n"
     "- FFRD4: a feed-forward network of the strain and its rate.\n"
     "- FFH4, FFH7: feed-forward networks of the strain, the largest strain so far and "
     "the filtered past (FFH4: two filters; FFH7: five Maxwell branches).\n"
     "- GRU: a gated recurrent network.\n"
+    "- convex network: springs and Maxwell branches whose stiffnesses cannot be "
+    "negative, so its stress stays bounded at other rates.\n"
     "- PL: a piecewise-linear spring with one branch (PL-SLS) or several "
-    "(PL-Wiechert).\n"
+    "(PL-Wiechert). *As in the thesis*: branches read off the holds by its rule. *Any "
+    "reading of the holds*: by the best of several rules. *Fitted jointly*: springs "
+    "and branches together, from the curves. `softnn diagnose` fits its own "
+    "PL-Wiechert and writes it as `base.json`, which exports to C.\n"
     "- bayesian, early-stopping, L2 with its weight: the regularisation of a network.\n"
-    "- lag: the time between two inputs of a network, or of its filters.\n"
+    "- lag: the time between two inputs of a network, or the unit of its filter times. "
+    "The C keeps it in seconds, whatever the interval of the controller is.\n"
     "- random folds: samples left out at random. Unseen: whole rates, or recordings if "
     "a material has one rate.",
 )
@@ -72,6 +88,10 @@ JUDGED = (
     "Random folds put neighbours in time of one specimen on both sides, so they "
     "measure interpolation. They are the protocol of the thesis. Specimens and rates "
     "never seen are the harder test, and the one that a controller meets."
+)
+SEARCHED = (
+    "Networks of the search, with errors on the folds that chose them: lower than "
+    "those above, which come from a new training."
 )
 PANELS = {  # real recordings first
     "neurons-vhb4910-zhao": "recordings of\nVHB 4910 acrylic tape",
@@ -101,7 +121,8 @@ def make(results: Path, folder: Path) -> Path:
     docs = folder / "docs"
     (docs / "figures").mkdir(parents=True, exist_ok=True)
     parts = ["# Which network for which use", *ABOUT, *MADE]
-    parts.append(summary(files.values()) if files else f"Not run: `{COMMAND}`.")
+    convex = {o["label"]: o for o in read(results / "unseen.json").get("materials", [])}
+    parts += summary(files.values(), convex) if files else [f"Not run: `{COMMAND}`."]
     lacks = lacks_of(results)
     for name, found in sections(files).items():
         common.save_figure(draw(found["materials"]), name, docs / "figures")
@@ -112,7 +133,7 @@ def make(results: Path, folder: Path) -> Path:
         for one in found["materials"]:
             said = [*answers(one), *worse(one), *lacks.get(one["label"], [])]
             shown = table(one["front"], one["baselines"], f"unseen {one['unseen']}")
-            parts += [f"### {one['label']}", listed(said), shown]
+            parts += [f"### {one['label']}", listed(said), SEARCHED, shown]
         parts += [f"Left out: {k}: {why}" for k, why in found["left_out"].items()]
     parts += judged(results)
     parts += held_out(results)
@@ -225,23 +246,36 @@ def made_with(found: Iterable[Result]) -> str:
     return " ".join(dict.fromkeys(map(common.made_with, found)))
 
 
-def summary(found: Iterable[Result]) -> str:
-    """Return a table, a row a material: network for each use, and the best other."""
-    rows = []
+def summary(found: Iterable[Result], convex: Mapping[str, Result]) -> list[str]:
+    """Return a table for each use, a row a material: the network, and the best other.
+
+    `convex` holds rows of `studies.unseen` by label, for the convex network.
+    """
+    rows: dict[str, list[list[str | None]]] = {use: [] for use in USES}
     for file in found:
         for one in file["materials"]:
             kind = "virtual" if is_virtual(file) else file["settings"]["data"]
-            row = [one["material"], kind + ", cycles" * file["settings"]["cycles"]]
             for use in USES:
                 chosen = one["choices"][use]
-                row.append(chosen["words"])
-                row.append(pm(folds_of(chosen["anew"], use)))
-                row.append(rival_cell(one, use))
-            rows.append(row)
+                row = [one["material"], kind + ", cycles" * file["settings"]["cycles"]]
+                row += [one["unseen"]] if use == "unseen" else []
+                row += [chosen["words"], pm(folds_of(chosen["anew"], use))]
+                if use == "unseen":
+                    beside = convex.get(one["label"])
+                    row.append(beside and pm(np.array(beside["convex"])))
+                rows[use].append([*row, rival_cell(one, use)])
     header = ["material", "recordings"]
-    header += ["for recordings you have", "NRMSE", "best other"]
-    header += ["for rates or specimens never seen", "NRMSE", "best other"]
-    return common.markdown(header, rows)
+    searched = ["network of the search", "NRMSE"]
+    return [
+        "**For recordings you have** (random folds):",
+        common.markdown([*header, *searched, "best other"], rows["random"]),
+        "**For rates or recordings never seen**. Where the column *held out* says "
+        "recording, nothing is known about other rates:",
+        common.markdown(
+            [*header, "held out", *searched, "convex network", "best other"],
+            rows["unseen"],
+        ),
+    ]
 
 
 def rival_cell(one: Result, use: str) -> str | None:
@@ -264,7 +298,7 @@ def worse(one: Result) -> list[str]:
     model += "," * ("," in model)
     return [
         f"**{model} predicts a {one['unseen']} never seen better than the network "
-        f"chosen**, by {common.percent(gap, 1)}: take it there."
+        f"chosen**, by {common.percent(gap, 1)} of the stress."
     ]
 
 

@@ -52,10 +52,9 @@ def _of_use(use: str, one: Mapping[str, Any]) -> str:
         text.append(f"It is the best network of the search; {others} with it.")
     elif ties > 1 and best is not None:
         text.append(
-            f"It is the smallest of {ties} that tie with the best ({described(best)})."
+            f"It has the fewest weights of {ties} that tie with the best "
+            f"({described(best)})."
         )
-    if ties > 1:
-        text.append(f"Fewest neurons among them: {chosen['fewest_neurons_of_ties']}.")
     rival = rival_of(one["baselines"], use)
     if rival is None:
         return " ".join(text)
@@ -67,7 +66,9 @@ def _of_use(use: str, one: Mapping[str, Any]) -> str:
             text.append(f"The two tie (difference {_pm(gap, within)}).")
         else:
             verdict = "better" if gap < 0 else "worse"
-            text.append(f"The network is {verdict} by {_pm(abs(gap), within)}.")
+            text.append(
+                f"The network is {verdict} by {_pm(abs(gap), within)} of the stress."
+            )
     return " ".join(text)
 
 

@@ -21,6 +21,7 @@ there is none; under "r2" the same of R2. `chosen_by` is a use whose folds chose
 
 HEADS = {"random": "random folds", "specimen": "by specimen"}
 BASELINE = "the best baseline"
+POOR = 0.2  # of the stress
 
 
 def best_of(rows: Sequence[Row], use: str) -> Row | None:
@@ -80,6 +81,8 @@ def sentences(
     article = "the " if takes is convex else ""
     never = f"For a {unseen} never seen, take {article}{takes['model']}: "
     never += of(takes, "unseen")
+    if poor(takes, "unseen"):
+        never += f", which is poor: record the {unseen}s that you need"
     beaten = "the next best baseline" if takes in others else BASELINE
     never += against(takes, rival, "unseen", beaten)
     if convex is not None and takes is not convex:
@@ -92,6 +95,12 @@ def sentences(
             f"{of(searched, 'unseen')}, chosen by these very folds"
         )
     return [known + ".", never + "."], takes
+
+
+def poor(row: Row, use: str) -> bool:
+    """Whether the mean error is more than `POOR` of the stress."""
+    values = row.get(use)
+    return not isinstance(values, str | None) and float(np.mean(values)) > POOR
 
 
 def never_seen(
