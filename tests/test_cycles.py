@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bench.architectures import verdict
 from bench.architectures.baselines import cyclic_fits
 from softnn.contracts import InputError
 from softnn.metrics import nrmse
@@ -68,3 +69,35 @@ def test_a_recording_without_a_geometry_is_left_out_aloud(tmp_path, capsys):
     (data,) = prepared(Settings(data=str(tmp_path)))
     assert len(data.tensile) == 1
     assert "no geometry, so no stress; left out" in capsys.readouterr().err
+
+
+def test_rates_that_no_file_names_are_read_off_the_strain(tmp_path, capsys):
+    for name, rate in (("a", 0.02), ("b", 0.021), ("c", 0.2)):
+        time = np.linspace(0, 0.8 / rate, 200)
+        strain = 0.4 * (1 - np.abs(time * rate / 0.4 - 1))
+        rows = np.column_stack([time, strain, 2 * strain])
+        head = "time_s,strain,stress_MPa"
+        np.savetxt(
+            tmp_path / f"{name}.csv", rows, "%.9g", ",", header=head, comments=""
+        )
+    (data,) = prepared(Settings(data=str(tmp_path)))
+    np.testing.assert_allclose(
+        [r.rate_per_s for r in data.tensile], [0.02, 0.021, 0.2], rtol=0.02
+    )
+    said = capsys.readouterr().err
+    assert "no rates given; read off the strain: 0.0205, 0.2 /s" in said
+    about = "file,rate_per_s\na.csv,0.02\nb.csv,\nc.csv,0.2\n"  # some are given
+    (tmp_path / "index.csv").write_text(about)
+    (data,) = prepared(Settings(data=str(tmp_path)))
+    assert [r.rate_per_s for r in data.tensile] == [0.02, None, 0.2]
+    assert "no rates given" not in capsys.readouterr().err
+
+
+def test_a_model_that_cannot_be_fitted_says_why_below_the_table():
+    why = "a fold leaves no hold to train on"
+    rows = [
+        {"model": "PL-SLS", "random": why, "unseen": why},
+        {"model": "trees", "random": [0.1, 0.2], "unseen": [0.2, 0.2]},
+    ]
+    text = verdict.table(rows, "rate")
+    assert text.endswith(f"\n\n- PL-SLS: {why}")

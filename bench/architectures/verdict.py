@@ -52,6 +52,14 @@ def table(rows: Sequence[Row], unseen: str) -> str:
     text = markdown(["model", *titles], lines)
     if any("*" in (cell or "") for cells in lines for cell in cells):
         text += "\n\n* the folds of this column chose the network: a little flattered"
+    why: dict[str, list[str]] = {}
+    for row in rows:
+        for split in splits:
+            if isinstance(reason := row.get(split), str):
+                names = why.setdefault(reason, [])
+                names += [row["model"]] * (row["model"] not in names)
+    for reason, names in why.items():
+        text += f"\n\n- {'; '.join(names)}: {reason}"
     return text
 
 

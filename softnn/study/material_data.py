@@ -11,8 +11,9 @@ import numpy as np
 
 from softnn import prepare, virtual
 from softnn.contracts import InputError
+from softnn.crossval import rate_groups
 from softnn.materials import MATERIALS
-from softnn.plausible import check_plausible
+from softnn.plausible import check_plausible, fastest
 from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
 from softnn.study.settings import MOST_SAMPLES, Settings, one_of, slug
@@ -86,6 +87,7 @@ def prepared(settings: Settings) -> list[Data]:
     if settings.material not in (None, "all"):
         one_of("material", str(settings.material), groups)
         groups = {str(settings.material): groups[str(settings.material)]}
+    groups = {name: _with_rates(name, g) for name, g in groups.items()}
     most = settings.samples or MOST_SAMPLES
     if settings.cycles:
         groups = {name: [r for r in g if unloads(r)] for name, g in groups.items()}
@@ -102,6 +104,28 @@ def prepared(settings: Settings) -> list[Data]:
         for material, g in groups.items()
         if g
     ]
+
+
+def _with_rates(material: str, recordings: list[Recording]) -> list[Recording]:
+    """Give recordings of a material that name no rate those of their first loadings."""
+    if any(r.rate_per_s is not None for r in recordings):
+        return recordings
+    found = []
+    for one in recordings:
+        known = np.isfinite(one.strain) & np.isfinite(one.stress_MPa)
+        rate = fastest(*(x[known] for x in (one.time_s, one.strain)))
+        if not 0 < rate < np.inf:
+            return recordings
+        found.append(one.with_step("rate_from_strain", {}, rate_per_s=float(rate)))
+    said = ", ".join(
+        dict.fromkeys(f"{r:g}" for r in rate_groups([f.rate_per_s for f in found]) if r)
+    )
+    print(
+        f"{material}: no rates given; read off the strain: {said} /s (a column "
+        "rate_per_s of index.csv, or softnn read --rate, gives others)",
+        file=sys.stderr,
+    )
+    return found
 
 
 @cache
