@@ -179,7 +179,7 @@ def test_what_is_drawn_is_what_was_measured():
 def test_a_correction_that_has_no_name_is_told_by_what_is_in_it(tmp_path):
     found = told()
     text = write_report(found, tmp_path)[0].read_text()
-    assert 'data-shaded="where the correction acts"' in text
+    assert 'data-shaded="where the named effects act' in text
     result = changed(selected=[], explanations=[], verdict="undetermined")
     text = write_report(replace(found, result=result), tmp_path)[0].read_text()
     assert "With Mullins softening, recordings not used in the fit" in text

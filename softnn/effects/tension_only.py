@@ -27,7 +27,7 @@ class TensionOnly(Effect):
     )
     off = {"amount": 0.0}
     amplitude = "amount"
-    spoken = "buckling in compression"
+    spoken = "tension-only behaviour"
     where = "in compression"
     twins = {
         "permanent_set": "unloading to a small tension only",

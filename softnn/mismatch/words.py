@@ -305,16 +305,23 @@ def next_recording(result: Result) -> dict[str, Any] | None:
         if every[second] < SURE
     ]
     same = _equivalent(result)
-    # Two named effects rarely replace each other: such pairs come last.
+    # Two named effects rarely replace each other: such pairs come last. First comes the
+    # likeliest of the effects that are not named.
     named = set(result["selected"])
-    open_.sort(key=lambda pair: (frozenset(pair) not in same, set(pair) <= named))
+    open_.sort(
+        key=lambda pair: (
+            frozenset(pair) not in same,
+            set(pair) <= named,
+            -max((every[n] for n in pair if n not in named), default=0.0),
+        )
+    )
     for first, second in open_:
         text = effect(first).twins.get(second) or effect(second).twins.get(first)
         if text:
             return {
                 "strain_programme": text,
                 "separates": [first, second],
-                "why": "one of them does not show there",
+                "why": "the two differ there",
             }
     return None
 

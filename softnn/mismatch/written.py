@@ -313,8 +313,9 @@ def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str,
     largest strain, in their directions, at their mean temperature. `differ` is the root
     mean square difference of the two predictions over that of their mean.
     """
-    strain = np.concatenate([c.strain for c in told.engine.chunks])
-    low, high = float(strain.min()), float(strain.max())
+    # A torn specimen moves on without a stress; no programme should go there.
+    strain = np.concatenate([c.strain for c in told.engine.chunks])[told.engine.valid]
+    low, high = min(float(strain.min()), 0.0), max(float(strain.max()), 0.0)
     reach, both = max(-low, high), min(-low, high) > locate.BACK * max(-low, high)
     models = [_with(told, name, advice["separates"]) for name in advice["separates"]]
     degC = _mean_degC(told.engine.chunks)

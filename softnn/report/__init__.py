@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -65,6 +66,13 @@ def _write(path: Path, text: str) -> Path:
     return path
 
 
+def _unbroken(value: object) -> object:
+    """Return a text whose numbers do not part from their per cent signs."""
+    if type(value) is not str:  # numbers, and markup that is ready
+        return value
+    return re.sub(r"(?<=\d) %", "\N{NO-BREAK SPACE}%", value)
+
+
 @cache
 def _templates() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -78,6 +86,7 @@ def _templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_unbroken,
     )
     made.filters.update(
         number=number, percent=percent, plain=plain, opened=opened, sure=sure

@@ -141,6 +141,8 @@ def _explained(told: Mapping[str, Any]) -> dict[str, Any]:
             interval = "kept at its usual value"
         else:
             interval = f"{number(low)} to {number(high)}"
+            if _at_limit(law, label.partition(" of ")[0], p["value"]):
+                interval += ", at the limit of its range"
         rows.append(
             {
                 "label": label,
@@ -157,6 +159,12 @@ def _explained(told: Mapping[str, Any]) -> dict[str, Any]:
         "says": meaning(name),
         "rows": rows,
     }
+
+
+def _at_limit(law: Effect, name: str, value: float) -> bool:
+    """Return whether a value is an end of its range that is not simply 0 or 1."""
+    ends = [e for p in law.parameters if p.name == name for e in (p.low, p.high)]
+    return any(e not in (0, 1) and np.isclose(value, e, 1e-3, 0) for e in ends)
 
 
 def _meaning(law: Effect, name: str) -> str:

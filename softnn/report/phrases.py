@@ -40,7 +40,7 @@ def plain(name: str) -> str:
     It fits into "NAME was left out". Other names are words with underscores.
 
     >>> plain("mullins_softening"), plain("tension_only")
-    ('Mullins softening', 'buckling in compression')
+    ('Mullins softening', 'tension-only behaviour')
     """
     spoken = {law.id: law.spoken for law in EFFECTS}
     return spoken.get(name) or name.replace("_", " ").replace("mullins", "Mullins")

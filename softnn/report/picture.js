@@ -78,13 +78,13 @@
       xaxis: {...axis, domain: half, anchor: "y", title: {text: below ? "" : across}},
       yaxis: {...axis, domain: below ? [0.55, 1] : [0, 1], title: {text: label.stress}},
       xaxis2: {...axis, domain: below ? half : [0.56, 1], anchor: "y2", title: {text: across}},
-      yaxis2: {...axis, domain: below ? [0, 0.42] : [0, 1], anchor: "x2", title: {text: below ? label.stress : ""}},
+      yaxis2: {...axis, domain: below ? [0, 0.42] : [0, 1], anchor: "x2", title: {text: `${r.after ? "correction" : "difference"} [${label.unit}]`}},
     };
     if (key === "time") layout.xaxis2.matches = "x";
     const config = {responsive: true, displaylogo: false,
       toImageButtonOptions: {filename: r.name, width: 1600, height: 800, scale: 2},
       modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]};
-    const errors = r.after ? `error ${r.errors[0]} before, ${r.errors[1]} after the correction` : `error ${r.errors[0]}`;
+    const errors = r.after ? `error in the fit ${r.errors[0]} before, ${r.errors[1]} after the correction` : `error in the fit ${r.errors[0]}`;
     const shaded = r.regions.length ? ` Shaded: ${label.shaded}.` : "";
     $("shown").textContent = `${r.name}: ${errors}.${shaded}`;
     return Plotly.react("picture", traces(r, key), layout, config);
