@@ -39,7 +39,14 @@ def take(target: Path) -> None:
         page.wait_for_selector("#picture[data-ready]")
         page.select_option("#recording", index=2)  # cycles: there it shows
         page.wait_for_timeout(500)
-        page.screenshot(path=target)
+        box = page.locator("#picture").bounding_box()
+        assert box is not None
+        height = box["y"] + box["height"] + 10
+        page.screenshot(
+            path=target,
+            full_page=True,
+            clip={"x": 0, "y": 0, "width": 1100, "height": height},
+        )
         browser.close()
     print(target)
 
