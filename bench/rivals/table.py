@@ -89,7 +89,7 @@ def as_markdown(found: Mapping[str, Row], what: Mapping[str, str]) -> str:
         "method",
         "median error",
         "error over softnn's",
-        "95 %",
+        "95 % interval",
         "better than softnn",
         "best of all",
     ]

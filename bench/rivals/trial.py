@@ -52,7 +52,7 @@ PARTS = (choice, features, laws, learners, network_b, problem)
 CODE = [Path(str(part.__file__)) for part in PARTS]
 SMOKE = ("pl_sls", "yeoh", "trees")
 OWN = {
-    BASE: f"the base alone ({MAIN})",
+    BASE: f"softnn without effects (base {MAIN})",
     SOFTNN: "softnn",
     BEST_LAW: "the published law that inner folds pick",
     ANY: "the rival that inner folds pick",
