@@ -43,7 +43,8 @@ def recordings(page: Page, found: Result) -> None:
         f"For {head['groups_judged']} of {head['groups']} groups of recordings the "
         "literature names the effects of the material. The names agree with it in "
         f"{head['groups_in_agreement']} of them. Of {head['bars']} predictions with a "
-        f"bar (the largest error allowed) {head['bars_met']} meet it. Fitted to first loading alone, the base "
+        f"bar (the largest error allowed) {head['bars_met']} meet it. Fitted to first "
+        "loading alone, the base "
         f"predicts the later cycles with an error of {medians[0] or '-'}; with the "
         f"named effects it is {medians[1] or '-'} (medians)."
     )
