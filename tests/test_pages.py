@@ -13,6 +13,8 @@ import pytest
 from softnn.cli import main
 from softnn.effects import EFFECTS, effect
 from softnn.materials import table
+from softnn.report import page as report
+from softnn.report import phrases
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```$", re.M | re.S)
@@ -45,6 +47,13 @@ def test_examples_of_a_page_run_as_they_stand(name, tmp_path, monkeypatch, capsy
         assert (tmp_path / "found/my_recordings/report.html").is_file()
         said = capsys.readouterr().out
         assert re.search(r"Mullins softening \(\d+ %\) was left out", said)
+
+
+def test_the_page_lists_what_softnn_can_name():
+    page = (ROOT / "docs" / "own.md").read_text()
+    for law in EFFECTS:
+        said = report.meaning(law.id).rstrip(".")
+        assert f"| {phrases.opened(phrases.plain(law.id))} | {said} |" in page
 
 
 @pytest.mark.slow

@@ -54,14 +54,16 @@ MADE = (
 ABOUT = (
     "This page is for those who want a network and ask which one. There are two "
     "answers for each material: for recordings you have (first table), and for rates "
-    "or recordings never seen (second table). The best model that is no network "
-    "stands beside each.",
+    "or recordings never seen (second table). Beside each stands the best of "
+    "piecewise-linear models and trees. The corrected model of `softnn diagnose` is "
+    "not in these tables: compare it on a recording that you left out "
+    "(`softnn simulate` prints the error).",
     "A controller meets rates that no test had. So take the smallest error of the "
-    "second table; where errors differ by less than their standard errors take the "
-    "convex network, which is bounded at any rate. If the specimen unloads or hangs "
-    "slack, train [`taught`](controllers.md) as well, and compare both on a recording "
-    "that you left out. C code exists for FFRI, FFRD4, FFH, the convex network and "
-    "PL; not for GRU and trees.",
+    "second table among the models that have C: FFRI, FFRD4, FFH, the convex network "
+    "and PL, not GRU and trees. Where errors differ by less than their standard "
+    "errors, or no rate was held out, take the convex network, which is bounded at any rate. "
+    "If the specimen unloads or hangs slack, train [`taught`](controllers.md) as well, "
+    "and compare on a recording that you left out.",
     'For a material of your own run `make neurons ARGS="--data FOLDER"`, with '
     "`--cycles` if your recordings unload. Seven more sets of recordings stand under "
     "[Rates never seen](#rates-never-seen).",
@@ -76,11 +78,11 @@ ABOUT = (
     "- PL: a piecewise-linear spring with one branch (PL-SLS) or several "
     "(PL-Wiechert). *As in the thesis*: branches read off the holds by its rule. *Any "
     "reading of the holds*: by the best of several rules. *Fitted jointly*: springs "
-    "and branches together, from the curves. `softnn diagnose` fits its own "
-    "PL-Wiechert and writes it as `base.json`, which exports to C.\n"
+    "and branches together, from the curves. `base.json` of a diagnosis is another "
+    "fit, with another error.\n"
     "- bayesian, early-stopping, L2 with its weight: the regularisation of a network.\n"
     "- lag: the time between two inputs of a network, or the unit of its filter times. "
-    "The C keeps it in seconds, whatever the interval of the controller is.\n"
+    "The C keeps it in seconds; [down to 1 ms](controllers.md) between samples.\n"
     "- random folds: samples left out at random. Unseen: whole rates, or recordings if "
     "a material has one rate.",
 )
