@@ -62,8 +62,8 @@ ABOUT = (
     "second table among the models that have C: FFRI, FFRD4, FFH, the convex network "
     "and PL, not GRU and trees. Where errors differ by less than their standard "
     "errors, or no rate was held out, take the convex network, which is bounded at any "
-    "rate. If the specimen unloads or hangs slack, train [`taught`](controllers.md) as well, "
-    "and compare on a recording that you left out.",
+    "rate. If the specimen unloads or hangs slack, train [`taught`](controllers.md) "
+    "as well, and compare on a recording that you left out.",
     'For a material of your own run `make neurons ARGS="--data FOLDER"`, with '
     "`--cycles` if your recordings unload. Seven more sets of recordings stand under "
     "[Rates never seen](#rates-never-seen).",

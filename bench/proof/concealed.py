@@ -112,9 +112,9 @@ def strangers_sentence(trial: Result) -> str:
     with_law, without = (f"{share(a)} of {a['of']}" for a in apart)
     return (
         f"At strength {strength_of(trial):g}, an effect that is not on softnn's list "
-        "should get no name. Kinds for which softnn has a law by now "
-        f"({', '.join(WITH_LAWS)}) got none in {with_law} cases, other kinds in "
-        f"{without}."
+        "should get no name. Some kinds are laws of softnn by now, or forms of one "
+        f"({', '.join(WITH_LAWS)}). These got no name in {with_law} cases, the other "
+        f"kinds in {without}."
     )
 
 
