@@ -106,8 +106,8 @@ def openings(page: Page, found: Result) -> None:
     page.say(
         f"The {len(draws)} newest fresh draws of the families held out, each judged by "
         "the code of its time. All cases count, also hardly visible ones. Differences "
-        "between draws of some fifty cases are mostly chance. No case of these draws was opened "
-        "twice.",
+        "between draws of some fifty cases are mostly chance. No case of these draws "
+        "was opened twice.",
         markdown(
             ["seed", "commit", *(CLASS_NAMES[c] for c in sums)],
             [
