@@ -58,6 +58,7 @@ CASES = [
     ("cellscale_stretch.csv", AREA, "CellScale UniVert", 1),
     ("lab_template.csv", {}, "lab template (key;value)", 1),
     ("true_values_only.csv", {}, "delimited table", 1),
+    ("labview.lvm", BOTH, "LabVIEW measurement", 1),
     ("generic_comma.csv", {}, "delimited table", 1),
     ("generic_suffix.csv", BOTH, "delimited table", 1),
     ("generic_spaces.dat", BOTH, "delimited table", 1),

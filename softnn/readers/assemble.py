@@ -30,6 +30,7 @@ from softnn.readers.table import (
     by_specimen,
     find_tables,
     has_role,
+    named_apart,
     without_twins,
 )
 from softnn.readers.units import parse_unit
@@ -233,7 +234,8 @@ class _Assembly(Chosen):
             return stress
         if force is None:
             raise InputError(
-                f"no column of force or stress; it has {self.have()}. "
+                self.empty("force", "stress")
+                or f"no column of force or stress; it has {self.have()}. "
                 "Name one with --force or --stress"
             )
         if area is None:
@@ -425,7 +427,8 @@ class _Assembly(Chosen):
             raise error from None
         if elongation is None:
             raise InputError(
-                f"no column of strain or displacement; it has {self.have()}. "
+                self.empty("displacement", "strain")
+                or f"no column of strain or displacement; it has {self.have()}. "
                 "Name one with --strain or --displacement"
             )
         length = self.geometry.length_mm  # a column of height brings its own
@@ -456,6 +459,8 @@ class _Assembly(Chosen):
                 raise InputError("strain has gaps, so --rate gives no time")
             self.used["time"] = f"strain at {options.rate_per_s:g} 1/s (--rate)"
             return np.asarray(np.cumsum(steps) / options.rate_per_s, dtype=float)
+        if empty := self.empty("time"):
+            raise InputError(empty)
         raise Lacking(["time"], have=self.have() + self.speed_told())
 
     def rate(self) -> float | None:
@@ -560,6 +565,11 @@ def backwards(time: Array) -> str:
     if np.all(step <= 0):
         return "time runs from the last row to the first; sort the rows by time"
     again = np.flatnonzero(step < 0)
+    if len(again) == 1 and again[0] == len(step) - 1:
+        return (
+            "time goes back in the last row alone; if that row is a mean or a sum, "
+            "delete it"
+        )
     if len(again) and time[again[0] + 1] <= time[0] + 2 * abs(np.nanmedian(step)):
         return (
             "time starts again, as where a second test or step begins; split the file "
@@ -587,8 +597,15 @@ def recordings(
         )
     decimal = options.decimal or decimal_mark(tables, file)
     tables = [
-        part for table in _joined(tables) for part in by_specimen(without_twins(table))
+        named_apart(part)
+        for table in _joined(tables)
+        for part in by_specimen(without_twins(table))
     ]
+    if not decimal:
+        note = (
+            "some columns have decimal commas, others points: each is read by its own"
+        )
+        rules = replace(rules, notes=(*rules.notes, note))
     chosen = [t for t in tables if _is_test(t, options)]
     if not chosen:
         chosen = [max(tables, key=lambda t: len(t.rows))]
@@ -659,11 +676,16 @@ def _is_test(table: Table, options: ReadOptions) -> bool:
 
 def read_source(source: Source, rules: Rules, options: ReadOptions) -> list[Recording]:
     """The recordings of all tables of a file, each table a test: what most need."""
-    tables = [
-        table
-        for sheet in source.sheets
-        for table in find_tables(
-            sheet.grid, source.path, sheet.name if not source.is_text else ""
-        )
-    ]
-    return recordings(tables, rules, options, source.path)
+    shown: list[Table] = []
+    hidden: list[Table] = []
+    for sheet in source.sheets:
+        name = sheet.name if not source.is_text else ""
+        found = find_tables(sheet.grid, source.path, name)
+        (hidden if sheet.hidden else shown).extend(found)
+    if any(_is_test(t, options) for t in shown):
+        names = dict.fromkeys(repr(t.sheet) for t in hidden if _is_test(t, options))
+        if names:
+            note = f"hidden in the workbook, left out: sheet {', '.join(names)}"
+            rules = replace(rules, notes=(*rules.notes, note))
+        hidden = []
+    return recordings([*shown, *hidden], rules, options, source.path)

@@ -88,6 +88,21 @@ class Chosen:
             return self.ranked(role)
         return [i for i in self.ranked(role) if self.table.filled(i)]
 
+    def empty(self, *roles: str) -> str:
+        """What to do where a column has the name of a role, and no value; "" else."""
+        for role in roles:
+            for i in self.ranked(role):
+                if self.table.filled(i):
+                    continue
+                how = (
+                    "; if it holds formulas, open the workbook in a spreadsheet "
+                    "program and save it there: then it holds their values"
+                    if self.table.sheet
+                    else ""
+                )
+                return f"column {str(self.table.columns[i])!r} has no values{how}"
+        return ""
+
     def ranked(self, role: str) -> list[int]:
         """Columns by name and unit, whatever they hold."""
         wanted = getattr(self.options, role)

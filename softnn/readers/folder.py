@@ -31,8 +31,8 @@ from softnn.readers.sizes import NAMES, TABLE, called, row_of, specimens, table_
 from softnn.recording import Recording
 
 SUFFIXES = (
-    ".csv", ".txt", ".dat", ".tra", ".tab", ".tsv", ".asc", ".xls", ".xlsx", ".xlsm",
-    ".gz",
+    ".csv", ".txt", ".dat", ".tra", ".tab", ".tsv", ".asc", ".lvm", ".xls", ".xlsx",
+    ".xlsm", ".gz",
 )  # fmt: skip
 # Beside recordings, and known to be none: about a case, or made by softnn.
 ABOUT = ("case.toml", "index.csv", "README.md", "SOURCE.md")

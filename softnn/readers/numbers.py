@@ -20,6 +20,7 @@ def numbers(
 ) -> tuple[Array, int]:
     """A column as floats, blank as NaN, and how many bad cells were skipped.
 
+    `decimal` "" is the mark that the column itself has.
     Raises `InputError`, with the row, for a cell that is no number; with `skip_bad`,
     only where more than a twentieth are none: those would be no gaps but the data.
     """
@@ -27,12 +28,16 @@ def numbers(
     if not any(isinstance(c, str) for c in cells):
         return np.array(cells, dtype=float), 0
     texts = [c if isinstance(c, str) else repr(c) for c in cells]
+    decimal = decimal or _own_mark(texts)
     joined = "".join(texts)
     if decimal == "." and not any(mark in joined for mark in ",_"):
         try:
-            return np.array([t or "nan" for t in texts], dtype=float), 0
+            values = np.array([t or "nan" for t in texts], dtype=float)
         except ValueError:
             pass
+        else:
+            if not np.isinf(values).any():
+                return values, 0
     grouped_have_point = decimal in joined
     values = np.empty(len(texts))
     bad: list[int] = []
@@ -77,13 +82,58 @@ def _number(text: str, decimal: str, needs_mark: bool) -> float | None:
             return None
         text = head.replace(group, "") + mark + tail
     try:
-        return float(text.replace(decimal, "."))
+        number = float(text.replace(decimal, "."))
     except ValueError:
         return None
+    return number
+
+
+def _own_mark(texts: Sequence[str]) -> str:
+    """The decimal mark of one column, in a file that has both."""
+    return "," if any("," in t and "." not in t for t in texts) else "."
+
+
+def _by_column(tables: Sequence[Table]) -> bool:
+    """Whether each column has one mark: a part of them was pasted from elsewhere."""
+    lone = re.compile(r"[-+]?\d*([.,])\d+([eE][-+]?\d+)?")
+    for table in tables:
+        for i in range(len(table.columns)):
+            texts = [c for c in table.cells(i) if isinstance(c, str) and c]
+            marks = {m[1] for t in texts if (m := lone.fullmatch(t))}
+            if len(marks) > 1 or any("," in t and "." in t for t in texts):
+                return False
+            # Commas alone, always before three digits, may part thousands.
+            if marks == {","} and all(
+                re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}|[-+]?\d+", t) for t in texts
+            ):
+                return False
+    return True
+
+
+def _change(tables: Sequence[Table]) -> str:
+    """Where a column with one mark has the first cell with the other."""
+    lone = re.compile(r"[-+]?\d*([.,])\d+([eE][-+]?\d+)?")
+    for table in tables:
+        for i, column in enumerate(table.columns):
+            first = ""
+            for k, cell in enumerate(table.cells(i)):
+                match = lone.fullmatch(cell) if isinstance(cell, str) else None
+                if match is None:
+                    continue
+                first = first or match[1]
+                if match[1] != first:
+                    return (
+                        f", in column {column.name!r} from row {int(table.lines[k])} "
+                        f"({str(cell)[:20]!r}) on; write all of it with one mark there"
+                    )
+    return ""
 
 
 def decimal_mark(tables: Sequence[Table], file: Path) -> str:
-    """The decimal mark of a file: the one its numbers show; both at once is refused."""
+    """The decimal mark of a file: the one its numbers show.
+
+    "" where each column has its own. Both in one column are refused.
+    """
     comma = point = grouped = 0
     for table in tables:
         for row in table.rows[:500] + table.rows[-100:]:
@@ -105,9 +155,12 @@ def decimal_mark(tables: Sequence[Table], file: Path) -> str:
     if comma and point:
         # One mark in a handful of cells among thousands: damage, found when read.
         if min(comma, point) * 20 > max(comma, point):
+            if _by_column(tables):
+                return ""
             raise InputError(
-                "decimal points and decimal commas are mixed; "
-                "say which one holds with --decimal",
+                f"decimal points and decimal commas are mixed{_change(tables)}; if one "
+                "of them parts thousands, say which is the decimal mark with "
+                "--decimal . or --decimal ,",
                 file=file,
             )
         return "," if comma > point else "."

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from softnn.contracts import InputError
 from softnn.readers.lacking import NoRecording
+from softnn.readers.units import WEIGHTS, parse_unit
 from softnn.readers.vocabulary import ROLES, plain
 
 MAX_BYTES = 100_000_000  # 2 million rows of text; one test is rarely a tenth of it
@@ -32,6 +33,10 @@ Cell = str | float
 Grid = list[list[Cell]]
 
 NUMBER = re.compile(r"[-+]?(\d[\d.,]*|[.,]\d+)([eE][-+]?\d{1,4})?")
+# `12.3 N`, `10 %`: a number with a unit behind it.
+QUANTITY = re.compile(
+    r"([-+]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][-+]?\d{1,4})?)\s*([^\W\d_].*|[%\u2030\u00b0].*)"
+)
 _CANDIDATES: tuple[str, ...] = ("\t", ";", "|", ",", "  ", " ")
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
@@ -42,6 +47,7 @@ class Sheet:
 
     name: str
     grid: Grid
+    hidden: bool = False
 
 
 @dataclass(frozen=True)
@@ -182,11 +188,13 @@ def _without_nul(raw: bytes, path: Path) -> bytes:
 
 
 def decode(raw: bytes, path: Path) -> str:
-    """Text of the encoding the bytes show: UTF-16, UTF-8, GB18030 or Windows-1252.
+    """Text of the encoding the bytes show: UTF-16, UTF-8, GB18030 or a code page.
 
     A byte that is no character of it becomes U+FFFD, which no number and no unit
     holds; so it can spoil a name, never a value.
     """
+    if raw[:4] in (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff"):
+        return raw.decode("utf-32", "replace")
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return raw.decode("utf-16", "replace")
     start = raw[:4000]
@@ -200,7 +208,15 @@ def decode(raw: bytes, path: Path) -> str:
             "is not text and no Excel workbook; export it as CSV or text", file=path
         )
     raw = _without_nul(raw, path)
-    if start.lstrip()[:5].lower() in (b"<html", b"<?xml", b"<!doc") or start[:4] in (
+    if start.lstrip()[:5].lower() in (
+        b"<html",
+        b"<?xml",
+        b"<!doc",
+        b"<head",
+        b"<body",
+        b"<meta",
+        b"<tabl",
+    ) or start[:4] in (
         b"%PDF",
         b"{\\rt",
     ):
@@ -226,7 +242,28 @@ def decode(raw: bytes, path: Path) -> str:
     multibyte = len(re.findall("[\u0080-\ufffc]", utf8))
     if multibyte and utf8.count("\ufffd") <= multibyte:
         return utf8
-    return raw.decode("cp1252", "replace")
+    return raw.decode(_one_byte(raw), "replace")
+
+
+# Windows and DOS code pages of Europe and Turkey, ISO 8859-2. The first stands where
+# its words tell no more than those of another.
+_ONE_BYTE = ("cp1252", "cp1250", "cp1251", "cp1254", "iso8859-2", "cp850", "cp852",
+             "cp866", "koi8-r")  # fmt: skip
+
+
+def _one_byte(raw: bytes) -> str:
+    """The code page in which the header has most words of a tensile test."""
+    head = raw[:8000]
+
+    def words(encoding: str) -> int:
+        cells = re.split(r"[\n\r\t;,|\"\[\](){}]+", head.decode(encoding, "replace"))
+        names = {plain(c) for c in cells if any(map(str.isalpha, c))}
+        one_word = [n for n in names if len(n) > 1 and "\ufffd" not in n]
+        return sum(
+            any(p.search(n) for n in one_word for p in ps) for ps in ROLES.values()
+        )
+
+    return max(_ONE_BYTE, key=words)
 
 
 def _split(line: str, delimiter: str) -> list[str]:
@@ -237,6 +274,18 @@ def _split(line: str, delimiter: str) -> list[str]:
     if '"' in line:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     return line.split(delimiter)
+
+
+def quantity(cell: Cell) -> tuple[str, str] | None:
+    """The number and the unit of a cell that holds both, or None.
+
+    >>> quantity("12.3 N"), quantity("10%"), quantity("12.3"), quantity("3 points")
+    (('12.3', 'N'), ('10', '%'), None, None)
+    """
+    match = QUANTITY.fullmatch(cell) if isinstance(cell, str) else None
+    if match is None or not (parse_unit(match[2]) or match[2] in WEIGHTS):
+        return None
+    return match[1], match[2]
 
 
 def sniff_delimiter(lines: list[str], path: Path) -> str:
@@ -256,6 +305,8 @@ def sniff_delimiter(lines: list[str], path: Path) -> str:
                 continue
             cells = [c for c in cells if c]
             numbers = sum(NUMBER.fullmatch(c) is not None for c in cells)
+            if numbers < len(cells) and numbers < 2:
+                numbers += sum(quantity(c) is not None for c in cells)
             if numbers >= 2:
                 score += numbers / len(cells)
         if score > best + 1e-9:
@@ -354,7 +405,7 @@ def _xls_sheets(raw: bytes, path: Path) -> list[Sheet]:
                 ]
                 for i in range(sheet.nrows)
             ]
-            sheets.append(Sheet(str(sheet.name), rows))
+            sheets.append(Sheet(str(sheet.name), rows, sheet.visibility != 0))
         return sheets
     # xlrd meets a damaged file with whatever its parser trips over.
     except Exception:
@@ -405,7 +456,8 @@ def _xlsx_sheets(raw: bytes, path: Path) -> list[Sheet]:
                 rows.append(cells)
             while rows and not rows[-1]:
                 rows.pop()
-            sheets.append(Sheet(str(sheet.title), rows))
+            hidden = sheet.sheet_state != "visible"
+            sheets.append(Sheet(str(sheet.title), rows, hidden))
         return sheets
     except InputError:
         raise

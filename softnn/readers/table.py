@@ -13,7 +13,7 @@ import numpy as np
 from softnn.contracts import Array, InputError
 from softnn.readers.columns import Column, is_number, split_name
 from softnn.readers.header import Entry, entries
-from softnn.readers.source import Cell, Grid
+from softnn.readers.source import Cell, Grid, quantity
 from softnn.readers.units import parse_unit, unit_text
 from softnn.readers.vocabulary import WHICH, WHOSE, plain, rank
 
@@ -81,7 +81,7 @@ def is_missing(cell: Cell) -> bool:
     (True, True, False, True)
     """
     if isinstance(cell, str):
-        return cell == "" or cell.casefold() in MISSING
+        return cell == "" or cell.casefold() in MISSING or not cell.strip("-")
     return cell != cell
 
 
@@ -181,6 +181,7 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
     Rows with too many or too few cells are told in the table (`bad`, `short`).
     """
     ragged = bool(sheet)  # worksheets end rows at the last filled cell
+    grid, cell_units = without_units(grid, file, sheet)
     tables: list[Table] = []
     head: list[int] = []  # filled rows since the last table
     bare = 0  # rows of numbers in a run, without names above them
@@ -255,15 +256,16 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
         if above and above[-1] == names_at - 1 and len(_filled(grid[above[-1]])) == 1:
             label = str(_filled(grid[above[-1]])[0]).strip("# ")
             label = "" if re.search("[:=]", label) else label  # a line of the header
+        columns, told = _with_units(_columns(names, units), cell_units)
         table = Table(
             file,
-            _columns(names, units),
+            columns,
             rows,
             np.array(lines),
             entries([grid[k] for k in above]),
             label,
             sheet,
-            tuple(block.notes),
+            (*told, *block.notes),
             tuple(block.bad),
             tuple(block.short),
         )
@@ -279,6 +281,87 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
         )
         tables[-1] = replace(tables[-1], notes=(*tables[-1].notes, note))
     return tables
+
+
+MOST_HAVE = 0.8  # of the filled cells below the first with a unit, in a column of such
+
+
+def without_units(
+    grid: Grid, file: Path, sheet: str = ""
+) -> tuple[Grid, dict[int, str]]:
+    """The grid with plain numbers for `12.3 N`, and the unit of each such column.
+
+    Raises `InputError` where the unit changes down a column.
+    """
+    hits: dict[int, int] = {}
+    for row in grid[:400]:
+        for j, cell in enumerate(row):
+            if quantity(cell) is not None:
+                hits[j] = hits.get(j, 0) + 1
+    units: dict[int, str] = {}
+    for j in [j for j, count in hits.items() if count >= 3]:
+        found = [
+            (i, q)
+            for i, row in enumerate(grid)
+            if j < len(row) and (q := quantity(row[j])) is not None
+        ]
+        # Header lines with sizes, and a line that sums up, are no column.
+        runs = [k for k in range(len(found) - 2) if found[k + 2][0] == found[k][0] + 2]
+        if not runs:
+            continue
+        found = [(i, q) for i, q in found if i >= found[runs[0]][0]]
+        filled = [
+            i
+            for i in range(found[0][0], len(grid))
+            if j < len(grid[i]) and grid[i][j] != ""
+        ]
+        data = [i for i in filled if len(_filled(grid[i])) > 1]
+        if len(found) < MOST_HAVE * len(data) or not _table_like(grid, found[0][0]):
+            continue
+        unit = found[0][1][1]
+        for i, (_, other) in found:
+            if unit_text(other) != unit_text(unit):
+                raise InputError(
+                    f"{str(grid[i][j])[:40]!r} is in {other}, the cells above it in "
+                    f"{unit}; write the whole column in one unit",
+                    file=f"{file}, sheet {sheet!r}" if sheet else file,
+                    row=i + 1,
+                    column=_above(grid, found[0][0], j),
+                )
+        if not units:
+            grid = list(grid)
+        units[j] = unit
+        for i, (number, _) in found:
+            grid[i] = [*grid[i][:j], number, *grid[i][j + 1 :]]
+    return grid, units
+
+
+def _table_like(grid: Grid, i: int) -> bool:
+    """Whether row i has at least two cells with numbers, with units or without."""
+    return sum(is_number(c) or quantity(c) is not None for c in grid[i] if c != "") >= 2
+
+
+def _above(grid: Grid, i: int, j: int) -> str:
+    """The name in column j above row i, or the number of the column."""
+    name = str(grid[i - 1][j]) if i and j < len(grid[i - 1]) else ""
+    return name or str(j + 1)
+
+
+def _with_units(
+    columns: tuple[Column, ...], units: dict[int, str]
+) -> tuple[tuple[Column, ...], list[str]]:
+    """The columns with the units of their cells, and notes on those of both."""
+    out, notes = list(columns), []
+    for j, unit in units.items():
+        if j >= len(out):
+            continue
+        named = parse_unit(out[j].unit)
+        if named is not None and named != parse_unit(unit):
+            notes.append(
+                f"{str(out[j])!r} has cells in {unit}: the unit of the cells counts"
+            )
+        out[j] = replace(out[j], unit=unit)
+    return tuple(out), notes
 
 
 def _names_above(grid: Grid, head: list[int]) -> tuple[int | None, int | None]:
@@ -379,11 +462,36 @@ def _block(grid: Grid, start: int, names: list[Cell], ragged: bool) -> _Block:
         i += 1
     block.end = i
     _check_widths(block, names, ragged)
+    _without_sums(block)
     if i == len(grid) and len(rows) > 1 and _cut_off(rows):
         block.rows, block.lines = rows[:-1], lines[:-1]
         block.short = [s for s in block.short if s[0] < len(block.rows)]
         block.notes.append(f"row {i}, the last, may be cut off and is left out")
     return block
+
+
+_SUMS = re.compile(
+    r"^\W*(mean|average|avg|median|std|stdev|std dev|standard deviation|sd|cov|min|max|"
+    r"minimum|maximum|sum|total|range|count|mittelwert|standardabweichung|summe|moyenne|"
+    r"ecart type|media|promedio|\u5e73\u5747\u503c?)\W*$",
+    re.I,
+)
+
+
+def _without_sums(block: _Block) -> None:
+    """Leave out last rows that a cell beside the numbers calls a mean or the like."""
+    rows, count = block.rows, 0
+    while count < min(10, len(rows) - 1) and any(
+        isinstance(c, str) and _SUMS.match(c) for c in rows[-1 - count]
+    ):
+        count += 1
+    if count:
+        first = block.lines[-count]
+        text = " ".join(map(str, _filled(rows[-count])))[:40]
+        block.notes.append(f"from row {first} on, {text!r}, no data follow: left out")
+        gone = len(rows) - count
+        block.rows, block.lines = rows[:gone], block.lines[:gone]
+        block.short = [s for s in block.short if s[0] < gone]
 
 
 def _next_filled(grid: Grid, i: int) -> int | None:
@@ -498,6 +606,21 @@ def without_twins(table: Table) -> Table:
         lines=table.lines[keep],
         notes=(*table.notes, note),
     )
+
+
+def named_apart(table: Table) -> Table:
+    """The table with `Load (2)` for a second column `Load`, so that each has a name."""
+    names = [str(c) for c in table.columns]
+    if len(set(names)) == len(names):
+        return table
+    out, count = [], dict[str, int]()
+    for name, column in zip(names, table.columns, strict=True):
+        count[name] = count.get(name, 0) + 1
+        again = count[name] > 1 and column.name
+        out.append(
+            replace(column, name=f"{column.name} ({count[name]})") if again else column
+        )
+    return replace(table, columns=tuple(out))
 
 
 def by_specimen(table: Table) -> list[Table]:

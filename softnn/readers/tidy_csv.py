@@ -9,6 +9,7 @@ from softnn.readers.assemble import ROUNDED, read_source
 from softnn.readers.clocks import spread
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
+from softnn.readers.table import without_units
 from softnn.readers.tidy import read_tidy
 from softnn.readers.vocabulary import WHICH, WHOSE, plain
 from softnn.recording import Recording, Step
@@ -23,7 +24,7 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
-    if _changed(source, options):
+    if _changed(source, options) or without_units(source.top, source.path)[1]:
         return read_source(source, Rules(NAME), options)
     about = {"specimen": options.specimen, "material": options.material}
     about["test"] = options.test

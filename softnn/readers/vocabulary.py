@@ -1,4 +1,4 @@
-"""What columns and header lines are called, in ten languages, by pattern.
+"""What columns and header lines are called, in some twenty languages, by pattern.
 
 Names are compared without accents, case and units. A pattern says what a name *may*
 be; the unit decides: `Dehnung [mm]` is a length, `Dehnung [%]` a strain.
@@ -43,13 +43,26 @@ _STRETCH = (
     r"\b(dehnungs|streck)verhaltnis\b"
 )
 
+# Words of travel in mm and of strain in per cent, by their unit.
+_LONGER = (
+    r"wydluzenie|prodlouzeni|protazeni|predlzenie|raztezek|istezanje|nyulas|megnyulas|"
+    r"uzama|alungire|\u0443\u0434\u043b\u0438\u043d\u0435\u043d\u0438\u0435"
+)
+
+# What the machine was told, beside what it measured: taken only where it stands alone.
+SET = re.compile(
+    r"\b(set( ?values?)?|cmd|commanded|demand\w*|ref(erence)?|nominal (position|disp\w*)|"
+    r"programmed|vorgabe|sollwert|consigne|zadana?)\b"
+)
+
 # role -> patterns, most wanted first. \u escapes are Chinese and Japanese words.
 _ROLES = {
     "time": (
         r"^(total|test|elapsed|running|run|global)? ?time\b(?!.*\bof\b)|"
         r"\b(pru?e?f|versuchs|mess|test|gesamt)?zeit\b|^(sec|secs|seconds|s|t)$|"
         r"^(millis|micros|milliseconds|minutes)$|"
-        r"\b(temps|duree|tiempo|tempo|tijd|tid|czas)\b|^elapsed$|^seconds since\b|"
+        r"\b(temps|duree|tiempo|tempo|tijd|tid|czas|cas|ido|vrijeme|zaman|timp|aika)\b|"
+        r"\b(\u0432\u0440\u0435\u043c\u044f)\b|^elapsed$|^seconds since\b|"
         "\u65f6\u95f4|\u6642\u9593",
         r"\bstep time\b|\bsegment time\b",
         r"\btime ?stamp\b|\bzeitstempel\b|\bdate ?time\b|\bdatum ?\w* zeit\b|"
@@ -59,7 +72,9 @@ _ROLES = {
     "force": (
         r"\b(standard ?)?(force|kraft|standardkraft|pru?e?fkraft|zugkraft)\b|"
         r"\b(load|last|charge|effort|fuerza|carga|forza|carico|kracht|forca|"
-        r"sila)\b|^[fF]( stat)?$|"
+        r"sila|obciazenie|zatizeni|zatazenie|ero|terheles|kuvvet|yuk|forta|voima)\b|"
+        r"\b(\u0441\u0438\u043b\u0430|\u0443\u0441\u0438\u043b\u0438\u0435|"
+        r"\u043d\u0430\u0433\u0440\u0443\u0437\u043a\u0430)\b|^[fF]( stat)?$|"
         "(?<![\u5e94\u61c9\u5fdc\u538b])\u529b|\u8f7d\u8377|\u8377\u91cd|\u8d1f\u8377",
         r"^f ?(n|x|y|z|ax|axial|normal)\b|^[Pp]$|^(load ?cell|loadcell|lc)( ?\d)?$",
         r"^(weight|gewicht|mass|masse|poids|peso)$",
@@ -67,18 +82,20 @@ _ROLES = {
     "stress": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstress\b",
         r"\b(stress|spannung|\w+spannung|contrainte|esfuerzo|sforzo|tensao|spanning|naprezenie|tensione?|sigma|sig|"
-        r"pk ?[12])\b|"
+        r"napeti|napatie|napetost|naprezanje|feszultseg|gerilme|tensiune|jannitys|"
+        r"\u043d\u0430\u043f\u0440\u044f\u0436\u0435\u043d\u0438\u0435|pk ?[12])\b|"
         "\u03c3|[\u5e94\u61c9\u5fdc]\u529b",
         r"^[PpSs]( ?1?1)?$",
     ),
     "strain": (
         r"\b(eng\w*|nominal|tensile|compressive)\b.*\bstrain\b",
         r"\b(strain|dehnung|stauchung|verformung|deform\w*|epsilon|eps|rek|tojning|"
-        r"odksztalcenie)\b|"
+        r"odksztalcenie|pretvorenie|deformacija|gerinim|venyma|"
+        r"\u0434\u0435\u0444\u043e\u0440\u043c\u0430\u0446\u0438\u044f)\b|"
         "^\u03b5|"
         "[\u5e94\u61c9]\u53d8|\u3072\u305a\u307f|\u6b6a\u307f",
         r"\b(elongation|allongement|extension|alargamiento|allungamento|ave)\b|"
-        r"\b(\w*verlangerung|estensione)\b|\u4f38\u957f|\u5ef6\u4f38",
+        r"\b(\w*verlangerung|estensione|" + _LONGER + r")\b|\u4f38\u957f|\u5ef6\u4f38",
         _STRETCH,
         r"^e$",
     ),
@@ -88,7 +105,10 @@ _ROLES = {
         r"\b(deplacement|course|allongement|\w*verlangerung|\w+weg)\b(?!.*absolut)|"
         r"\b(desplazamiento|carrera|alargamiento|spostamento|corsa|allungamento)\b|"
         r"\b(langenanderung|estensione|delta l|dl|verplaatsing|deslocamento|"
-        r"forlangning|przemieszczenie|wydluzenie)\b|^\u03b4 ?[lhsxd]$|"
+        r"forlangning|przemieszczenie|droga|draha|posun|posuv|pomik|pomak|"
+        r"elmozdulas|deplasare|siirtyma|\u043f\u0435\u0440\u0435\u043c\u0435\u0449\u0435\u043d\u0438\u0435|"
+        + _LONGER
+        + r")\b|^\u03b4 ?[lhsxd]$|"
         "\u4f4d\u79fb|\u884c\u7a0b|\u4f38\u957f|\u5ef6\u4f38|\u5909\u4f4d|\u30b9\u30c8\u30ed\u30fc\u30af",
         r"\bcrosshead\b(?!.*absolut)|\btravers\w*\b(?!.*absolut)",
         r"\b(position|pos|gap|size|hub|height)\b|\babsol\w*\b",
@@ -198,6 +218,10 @@ MATERIAL = re.compile(
 )
 
 
+# Letters with a stroke or without a dot, which are no letter with an accent.
+_STROKES = str.maketrans("\u0142\u0141\u00f8\u00d8\u0111\u0110\u0131", "lLoOdDi")
+
+
 def plain(name: str) -> str:
     """A name as the patterns expect it: lower case, no accents, no punctuation.
 
@@ -207,6 +231,7 @@ def plain(name: str) -> str:
     name = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", repair(name))
     name = unicodedata.normalize("NFKD", name.replace("\u00df", "ss"))
     name = re.sub("[\u0300-\u036f]", "", name)  # accents; Japanese marks stay
+    name = name.translate(_STROKES)
     letter = name.strip()[:1]
     name = unicodedata.normalize("NFC", name).lower()
     name = " ".join(re.sub(r"[^\w]+|_+", " ", name).split())
@@ -224,6 +249,8 @@ def rank(role: str, name: str) -> int | None:
         return None
     # WaveMatrix gives a digital position beside the measured one, or alone.
     second = 10 * (re.search(r"\bdigital\b", name) is not None)
+    if role in ("displacement", "strain", "force", "stress") and SET.search(name):
+        second += 20
     for i, pattern in enumerate(ROLES[role]):
         if pattern.search(name):
             return i + second
