@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import NoReturn
@@ -151,7 +151,9 @@ def _run_read(arguments: argparse.Namespace) -> int:
                 odd = [str(error)]
             told += [f"  odd:  {_printable(line)}" for line in odd]
             if out is not None:
-                path = write_tidy(recording, out, taken)
+                path = write_tidy(
+                    recording, out, taken, {f.resolve() for f, _ in files}
+                )
                 written[path.name] = recording
                 told.append(f"  written to  {path}")
             told.append("")
@@ -236,12 +238,18 @@ def text_plot(
     return [*rows, f"{'':>12}  {x.min():.4g} to {x.max():.4g}"]
 
 
-def write_tidy(recording: Recording, folder: Path, taken: set[str]) -> Path:
+def write_tidy(
+    recording: Recording,
+    folder: Path,
+    taken: set[str],
+    sources: Collection[Path] = (),
+) -> Path:
     """The recording as tidy CSV in `folder`, with a plot beside it; its path.
 
     The name holds letters, digits, `.`, `_` and `-` only, so it cannot lead out of
     the folder. `taken` are names already written by this command, which are not
-    used again.
+    used again. Raises `InputError`
+    where it would write over one of `sources`.
     """
     from softnn.readers.tidy import write_table
 
@@ -253,6 +261,11 @@ def write_tidy(recording: Recording, folder: Path, taken: set[str]) -> Path:
         stem = f"{base}-{count}"
     taken.add(stem.casefold())
     path = folder / f"{stem}.csv"
+    if path.resolve() in sources:
+        raise InputError(
+            "is itself one of the files to read, and would be lost; name another --out",
+            file=path,
+        )
     write_table(path, recording.columns)
     picture = path.with_suffix(".png")
     try:

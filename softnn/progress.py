@@ -24,9 +24,8 @@ SURE = 0.03  # of a stage, before which nothing is said of the time left
 class Progress:
     """Where a run is: its stage, steps made in that stage, seconds since it began.
 
-    `share` of the stage is done, from 0 to 1, by the steps that it usually takes; 0
-    where nobody knows. `left_s` seconds are left of it, or None. `item` is what it is
-    at: a file.
+    `share` of the stage, or of its present `part`, is done, from 0 to 1; 0 where nobody
+    knows. `left_s` seconds are left of it, or None. `item` is what it is at: a file.
     """
 
     stage: str  # "reading", "diagnosing" or "writing"
@@ -35,6 +34,7 @@ class Progress:
     share: float = 0.0
     left_s: float | None = None
     item: str = ""
+    part: str = ""
 
 
 Listener = Callable[[Progress], None]
@@ -47,17 +47,20 @@ class _Told:
         self.listener = listener
         self.began = self.last = time.monotonic()
         self.changed = self.began
-        self.stage, self.steps, self.usual, self.item = "", 0, 0.0, ""
+        self.stage, self.steps, self.item = "", 0, ""
+        self.part, self.pieces, self.count = "", 0.0, 0
 
     def tell(self, now: float) -> None:
         self.last = now
         share, left = 0.0, None
-        if self.usual:
-            share = _share(self.steps / self.usual)
+        if self.count:
+            share = min(self.pieces / self.count, 1.0)
             if share > SURE:
                 left = (now - self.changed) * (1 - share) / share
         seconds = now - self.began
-        self.listener(Progress(self.stage, self.steps, seconds, share, left, self.item))
+        self.listener(
+            Progress(self.stage, self.steps, seconds, share, left, self.item, self.part)
+        )
 
 
 _TOLD: ContextVar[_Told | None] = ContextVar("told", default=None)
@@ -84,33 +87,57 @@ def heard(listener: Listener | None) -> Iterator[None]:
         _TOLD.reset(token)
 
 
-def _share(steps: float) -> float:
-    """The share done after so many of the usual steps; it slows down beyond them.
-
-    >>> [round(_share(s), 2) for s in (0, 0.5, 1)]
-    [0.0, 0.5, 0.89]
-    """
-    return float(steps / (1 + steps**6) ** (1 / 6)) if steps else 0.0
-
-
-def stage(name: str, usual: float = 0.0) -> None:
-    """A part of the run begins, which usually takes so many steps."""
+def stage(name: str, count: int = 0) -> None:
+    """A stage of the run begins, of so many pieces; 0 if nobody knows."""
     told = _TOLD.get()
     if told is not None:
-        told.stage, told.steps, told.usual, told.item = name, 0, usual, ""
+        told.stage, told.steps, told.item = name, 0, ""
+        part("", count)
+
+
+def part(name: str, count: int) -> None:
+    """A part of the stage begins, of so many pieces about as long as each other.
+
+    The time left is that of the part: how many parts follow depends on their results.
+    """
+    told = _TOLD.get()
+    if told is not None:
+        told.part, told.pieces, told.count = name, 0.0, count
         told.changed = time.monotonic()
         told.tell(told.changed)
 
 
 def step(item: str = "") -> None:
-    """The stage has come on by a step, and is at an item now."""
+    """The stage has come on a little, and is at an item now."""
     told = _TOLD.get()
     if told is not None:
         told.steps += 1
         told.item = item
-        now = time.monotonic()
-        if now - told.last > EVERY_S:
-            told.tell(now)
+        _tell(told)
+
+
+def piece(done: float = 1.0) -> None:
+    """A piece is done, or the share `done` of the piece under way.
+
+    >>> with heard(lambda p: print(p.part, p.share)):
+    ...     part("one effect", 4)
+    ...     piece(), piece(0.5)
+    ...     stage("writing")
+    one effect 0.0
+    (None, None)
+     0.0
+    """
+    told = _TOLD.get()
+    if told is not None:
+        whole = int(told.pieces)
+        told.pieces = whole + 1 if done >= 1 else whole + max(done, told.pieces - whole)
+        _tell(told)
+
+
+def _tell(told: _Told) -> None:
+    now = time.monotonic()
+    if now - told.last > EVERY_S:
+        told.tell(now)
 
 
 class Shown:
@@ -173,6 +200,7 @@ class Shown:
         now, seconds = self.now, time.monotonic() - self.began
         told = f"{self.label}: {_SAID.get(now.stage, 'starting')}"
         told += f" {now.item}" if now.item else ""
+        told += f", {now.part}" if now.part else ""
         if not now.share:
             return f"{told}, {spelt(seconds)}"
         full = round(20 * now.share)
@@ -180,7 +208,8 @@ class Shown:
         left = ""
         if now.left_s is not None:
             rest = now.left_s - (time.monotonic() - self.heard)
-            left = f", about {spelt(rest)} left" if rest > 1 else ", nearly done"
+            of = " of this part" if now.part else ""
+            left = f", about {spelt(rest)} left{of}" if rest > 1 else ""
         return f"{told} [{bar}] {spelt(seconds)}{left}"
 
 

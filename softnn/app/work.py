@@ -177,8 +177,9 @@ def diagnose(project: Project) -> None:
         nonlocal told
         if time.time() - told > TOLD_S or progress.steps == 0:
             told = time.time()
+            part = f", {progress.part}" if progress.part else ""
             steps = f", step {progress.steps}" if progress.steps else ""
-            now = (progress.stage or "diagnosing") + steps
+            now = (progress.stage or "diagnosing") + part + steps
             project.tell("diagnose", stage=now, began=began)
 
     with heard(tell):

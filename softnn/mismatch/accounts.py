@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softnn import progress
 from softnn.contracts import Array, Effect
 from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
@@ -19,6 +20,7 @@ from softnn.mismatch.candidates import (
     FIRST,
     FORMS,
     LATER,
+    SIZES,
     candidates,
     expand,
     names,
@@ -117,6 +119,7 @@ def search(
     """
     engine = base.engine
     pool = candidates(engine, base.name, base.fixed, unknown)
+    progress.part("one effect", 2)
     base.fit, first = _first(base, pool)
     weigher = Weigher(engine, base.fit)
     found = [Account(base.fit, weigher.weigh(base.fit, whole=False))]
@@ -128,8 +131,10 @@ def search(
     for size, count in enumerate(EXPANDED, start=1):
         bar = max(value(a) for a in found if len(a.effects) < size)
         best = _leaders(a for a in found if len(a.effects) == size and value(a) >= bar)
+        progress.part(SIZES[size], len(best[:count]))
         for account in best[:count]:
             found += _weighed(weigher, expand(engine, account.fit, pool, LATER))
+            progress.piece()
         # A third effect may explain much more, so two may leave a large discrepancy.
         most = evident if size == len(EXPANDED) else FAR_OFF * evident
         if _discrepancy(weigher, max(found, key=value)) > most:
@@ -160,11 +165,13 @@ def _asked_again(
     out: list[Account] = []
     engine = weigher.engine
     best = _leaders(a for a in found if len(a.effects) > 1)[:ASKED]
+    progress.part("the best again", len(best))
     for account in reversed(best):
         for law, fewer in _each_less(account):
             less = fit(engine, fewer, fixed_base=account.fit.fixed_base)
             known = [one for one in pool if one.id == law.id]
             out += _weighed(weigher, expand(engine, less, known, 1, FORMS), whole=True)
+        progress.piece()
     return out
 
 
@@ -253,6 +260,7 @@ def _settled(
     engine = base.engine
     ranked = sorted(_worth(found, KEPT), key=value, reverse=True)
     leaders = list({len(a.effects): a for a in reversed(ranked)}.values())
+    progress.part("the noise", 2 * len(leaders) ** 2 + len(ranked))
     tried = []
     for leader in leaders:
         for long in (False, True):
@@ -284,6 +292,7 @@ def _again(
     guess, fixed = account.fit.guess, base.fixed
     again = fit(base.engine, guess, fixed_base=fixed, iterations=REFITTED)
     evidence = weigher.weigh(again, whole)
+    progress.piece()
     return Account(again, evidence, account.seconds + time.perf_counter() - clock)
 
 
@@ -322,6 +331,7 @@ def _first(base: Baseline, pool: Sequence[Effect]) -> tuple[Fit, list[Fit]]:
     """
     engine = base.engine
     first = expand(engine, base.fit, pool, FIRST, FORMS)
+    progress.piece()
     if not first:
         return base.fit, first
     before = engine.log_norm

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softnn import progress
 from softnn.contracts import Effect
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
@@ -64,6 +65,10 @@ def names(found: Fit) -> list[str]:
     return [p.effect.id for p in found.guess.pieces if not p.nuisance]
 
 
+# What a part of the search is called, by the effects of its candidates.
+SIZES = ("one effect", "two effects", "three effects", "four effects")
+
+
 def expand(
     engine: Engine, base: Fit, pool: Sequence[Effect], most: int, forms: int = 1
 ) -> list[Fit]:
@@ -89,17 +94,22 @@ def expand(
     of: dict[str, list[Lead]] = {}
     for lead in ranked:
         of.setdefault(lead.piece.effect.id, []).append(lead)
-    found = [
-        refine(engine, base, lead.piece, 6)
+    picked = [
+        lead
         for leads_ in list(of.values())[:most]
         for lead in leads_[: forms + 1]  # a score test may be wrong by one place
     ]
+    found = []
+    for k, lead in enumerate(picked):
+        progress.piece(0.5 * k / len(picked))
+        found.append(refine(engine, base, lead.piece, 6))
     new = [law for law in pool if law.id not in names(base)]
     found += [refine(engine, base, piece, 6) for piece in shown(engine, new)]
     found = [f for f in found if len(names(f)) > len(names(base))]
     found = _best_forms(found, forms)
     out = []
     for rank, one in enumerate(found):
+        progress.piece(0.5 + 0.45 * rank / len(found))
         near = one.chi2 < base.chi2 - 0.5 * (base.chi2 - found[0].chi2)
         out.append(shaped(engine, screen, one, rank < 3) if rank < 3 or near else one)
     return out

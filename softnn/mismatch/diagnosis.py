@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from softnn.neural import StoredNetwork
 
 
-STEPS = 900  # fits in a diagnosis of one recording, roughly, as measured
-
-
 @dataclass(repr=False)
 class Diagnosis:
     """The answer: effects that were left out, how sure that is, the corrected model.
@@ -154,7 +151,7 @@ def _diagnose(
     case: Case, model: str | Stored | StoredNetwork | None, seed: int
 ) -> Diagnosis:
     clock = time.perf_counter()
-    progress.stage("diagnosing", STEPS * len(case.recordings) ** 0.5)
+    progress.stage("diagnosing")
     check_case(case)
     case = in_order(case)
     if seed < 0:

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softnn import progress
 from softnn.contracts import Array, Chunk
 from softnn.effects import EFFECTS
 from softnn.fit import Engine, Fit, Guess, Piece, fit
@@ -27,6 +28,7 @@ from softnn.mismatch.candidates import (
     FIRST,
     FORMS,
     LATER,
+    SIZES,
     candidates,
     expand,
     names,
@@ -462,7 +464,12 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
     found = [judge.judged(start)]
 
     def grown(parents: Sequence[Candidate], most: int, forms: int) -> list[Candidate]:
-        fits = [f for c in parents for f in expand(engine, c.fit, pool, most, forms)]
+        size = len(parents[0].effects - judge.given) if parents else 0
+        progress.part(f"{SIZES[size]}, by prediction", len(parents))
+        fits = []
+        for parent in parents:
+            fits += expand(engine, parent.fit, pool, most, forms)
+            progress.piece()
         mine = [judge.judged(one) for one in fits]
         found.extend(mine)
         return ranked(mine)
@@ -474,7 +481,12 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
     finalists = [c for c in order if not c.effects]
     for size in range(1, len(BEAM) + 2):
         finalists += [c for c in order if len(c.effects) == size][:FINALISTS]
-    return [judge.judged(c.fit, refit=True) for c in finalists]
+    progress.part("recordings left out", len(finalists))
+    judged = []
+    for one in finalists:
+        judged.append(judge.judged(one.fit, refit=True))
+        progress.piece()
+    return judged
 
 
 def alone(base: Baseline, found: Sequence[Candidate]) -> Candidate:

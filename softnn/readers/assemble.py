@@ -30,7 +30,9 @@ from softnn.readers.table import (
     by_specimen,
     find_tables,
     has_role,
+    in_rows,
     named_apart,
+    without_reserve,
     without_twins,
 )
 from softnn.readers.units import parse_unit
@@ -77,7 +79,10 @@ class _Assembly(Chosen):
         if table.bad:
             self.left_out(table.bad)
         if self.lacks() > 1:
-            raise NoRecording(f"no columns of a test; it has {self.have()}")
+            raise NoRecording(
+                f"no columns of a test; it has {self.have()}; name them with --time, "
+                "--force or --stress, and --displacement or --strain"
+            )
         force, stress, strain, elongation, time = self.channels()
         self.check_short()
         old = self.first
@@ -583,13 +588,24 @@ def backwards(time: Array) -> str:
 
 
 def recordings(
-    tables: list[Table], rules: Rules, options: ReadOptions, file: Path
+    tables: list[Table],
+    rules: Rules,
+    options: ReadOptions,
+    file: Path,
+    turned: bool = False,
 ) -> list[Recording]:
     """A recording of every table that is a test; result tables and such are left out.
 
-    Raises `InputError` for the reason the best of them is none.
+    Raises `InputError` for the reason the best of them is none. `turned`: the file has
+    its channels in rows.
     """
     if not tables:
+        if turned:
+            raise InputError(
+                "has its channels in rows; save it with each channel in a column "
+                "(Paste Special, Transpose, in a spreadsheet program)",
+                file=file,
+            )
         raise NoRecording(
             "no rows of numbers below column names; expected are columns of time, "
             "force or stress, and displacement or strain",
@@ -599,7 +615,7 @@ def recordings(
     tables = [
         named_apart(part)
         for table in _joined(tables)
-        for part in by_specimen(without_twins(table))
+        for part in by_specimen(without_twins(without_reserve(table)))
     ]
     if not decimal:
         note = (
@@ -688,4 +704,5 @@ def read_source(source: Source, rules: Rules, options: ReadOptions) -> list[Reco
             note = f"hidden in the workbook, left out: sheet {', '.join(names)}"
             rules = replace(rules, notes=(*rules.notes, note))
         hidden = []
-    return recordings([*shown, *hidden], rules, options, source.path)
+    turned = any(in_rows(sheet.grid) for sheet in source.sheets)
+    return recordings([*shown, *hidden], rules, options, source.path, turned)

@@ -6,6 +6,7 @@ names and units.
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import fields, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from softnn.readers.vocabulary import (
     ABSOLUTE,
     COMPRESSIVE,
     DIMENSION,
+    DIRECTION,
     GAUGE,
     HEIGHT,
     ROLES,
@@ -113,6 +115,13 @@ class Chosen:
                 for i, c in enumerate(columns)
                 if wanted in (c.name, str(c)) or plain(wanted) == c.plain
             ]
+            if not hits:
+                hits = [
+                    i
+                    for i, c in enumerate(columns)
+                    if c.plain.startswith(plain(wanted) + " ")
+                ]
+                hits = hits if len(hits) == 1 else []
             if not hits:
                 raise InputError(
                     f"no column {wanted!r} (--{role}); it has {self.have()}"
@@ -324,11 +333,27 @@ class Chosen:
                 differs = np.abs(a - b).max() > DIFFERS * np.ptp(a) > 0
             if good.any() and differs:
                 rivals.append(str(column))
+        if rivals and role == "strain":
+            self.refuse_directions(used)
         if rivals:
             self.notes.append(
                 f"{self.used[role]!r} is taken as {role}, not {', '.join(rivals[:3])}"
                 f"{' and others' if len(rivals) > 3 else ''}, which differ; another "
                 f"one is named with --{role}"
+            )
+
+    def refuse_directions(self, used: int) -> None:
+        """Raise where strains of several directions stand side by side."""
+        columns = [self.table.columns[i] for i in self.candidates("strain")]
+        if not DIRECTION.search(self.table.columns[used].plain):
+            return
+        several = {m[1]: c for c in columns if (m := DIRECTION.search(c.plain))}
+        if len(several) > 1:
+            names = [c.name for c in several.values()]
+            raise InputError(
+                f"strains of {len(several)} directions: {', '.join(map(repr, names))}; "
+                f"name the one along the pull with --strain {shlex.quote(names[0])} or "
+                f"--strain {shlex.quote(names[1])}"
             )
 
     def flipped(self, column: Column, role: str) -> bool:

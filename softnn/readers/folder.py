@@ -74,6 +74,10 @@ def files_of(folder: Path, skip: Sequence[str] = ()) -> tuple[list[Path], list[s
                 notes.append(f"{shown}: not a kind of file read")
             elif path.is_file():
                 files.append(path)
+            elif path.is_symlink():
+                notes.append(f"{shown}: a link to nothing, not read")
+            else:
+                notes.append(f"{shown}: not a plain file, not read")
     return files, notes
 
 
@@ -107,6 +111,7 @@ def read_files(
         used |= set(called(shown)) & set(sizes)
         row = row_of(sizes, shown)
         progress.step(shown)
+        progress.piece()
         try:
             recordings = read(file, replace(options, **row))
         except NoRecording as error:
@@ -164,7 +169,9 @@ def _reason(error: InputError) -> str:
     text = str(error)
     if error.file is not None:
         text = text.removeprefix(str(error.file)).lstrip(":, ")
-    return text.partition("; export")[0].partition("; expected")[0]
+    for advice in ("; export", "; expected", "; name them", "; save"):
+        text = text.partition(advice)[0]
+    return text
 
 
 def _refuse(

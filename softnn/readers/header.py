@@ -93,7 +93,7 @@ class Header:
                 raise InputError(
                     f"the header's {entry.key!r} is {entry.value!r} "
                     f"{entry.unit or '(no unit)'}, no size known here; "
-                    f"give --{name.split('_')[0]} in mm or mm2"
+                    f"give --{' in '.join(name.split('_'))}"
                 )
 
 

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 from softnn.readers.assemble import read_source
 from softnn.readers.columns import split_name
+from softnn.readers.header import header_number
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.units import parse_unit
-from softnn.readers.header import header_number
 from softnn.recording import Recording
 
 NAME = "LabVIEW measurement"

@@ -388,6 +388,11 @@ def _dated(value: object, kind: int, mode: int) -> object:
 def _xls_sheets(raw: bytes, path: Path) -> list[Sheet]:
     import xlrd
 
+    if "EncryptedPackage".encode("utf-16-le") in raw:
+        raise InputError(
+            "is locked with a password; open it in Excel and save it without one",
+            file=path,
+        )
     try:
         book = xlrd.open_workbook(
             file_contents=raw, logfile=io.StringIO(), ragged_rows=True
@@ -418,6 +423,10 @@ def _xlsx_sheets(raw: bytes, path: Path) -> list[Sheet]:
     try:
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             members = archive.infolist()
+            if any(m.filename == "content.xml" for m in members):
+                raise NoRecording(
+                    "is an OpenDocument spreadsheet; save it as .xlsx or CSV", file=path
+                )
             if not any(m.filename.lower() == "xl/workbook.xml" for m in members):
                 raise NoRecording(
                     "is a zip archive and no Excel workbook; unpack it first", file=path

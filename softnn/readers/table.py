@@ -364,6 +364,17 @@ def _with_units(
     return tuple(out), notes
 
 
+def in_rows(grid: Grid) -> bool:
+    """Whether a name and many numbers stand in each row, a channel a row."""
+    rows = [row for row in grid if len(_filled(row)) > 5]
+    names = [
+        plain(split_name(str(row[0])).name)
+        for row in rows
+        if not is_number(row[0]) and all(map(is_number, _filled(row)[1:]))
+    ]
+    return len(names) > 1 and any(rank("time", name) is not None for name in names)
+
+
 def _names_above(grid: Grid, head: list[int]) -> tuple[int | None, int | None]:
     """Rows of names and of units above a block; None where there is none.
 
@@ -385,7 +396,7 @@ def _names_above(grid: Grid, head: list[int]) -> tuple[int | None, int | None]:
 def _is_ruler(row: Sequence[Cell]) -> bool:
     """A line drawn of dashes or the like."""
     return all(
-        isinstance(c, str) and not re.search(r"[\w%]", c) and len(c) > 1
+        isinstance(c, str) and not re.search(r"[^\W_]|%", c) and len(c) > 1
         for c in _filled(row)
     )
 
@@ -604,6 +615,32 @@ def without_twins(table: Table) -> Table:
         table,
         rows=[table.rows[k] for k in keep],
         lines=table.lines[keep],
+        notes=(*table.notes, note),
+    )
+
+
+def without_reserve(table: Table) -> Table:
+    """The table without rows of zeros at its end, which a logger had reserved."""
+    clock = next((i for i, c in enumerate(table.columns)
+                  if rank("time", c.plain) == 0), None)  # fmt: skip
+    if clock is None or table.short:
+        return table
+    keep = len(table.rows)
+    while keep > 2 and all(
+        _float(c) == 0 for c in table.rows[keep - 1] if is_number(c) and c != ""
+    ):
+        keep -= 1
+    before = _float(table.cells(clock)[keep - 1])
+    if keep == len(table.rows) or not before or before <= 0:
+        return table
+    note = (
+        f"{len(table.rows) - keep} rows of zeros at the end, from row "
+        f"{int(table.lines[keep])} on, as of reserved space: left out"
+    )
+    return replace(
+        table,
+        rows=table.rows[:keep],
+        lines=table.lines[:keep],
         notes=(*table.notes, note),
     )
 

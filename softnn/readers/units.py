@@ -32,17 +32,16 @@ _TABLE: dict[str, dict[str, float]] = {
     "time": {
         **dict.fromkeys(("s", "sec", "secs", "sec.", "second", "seconds", "sek"), 1.0),
         **dict.fromkeys(("seg", "segundos", "secondi", "secondes", "\u79d2"), 1.0),
-        **dict.fromkeys(("sekunden", "seconde", "\u0441", "\u0441\u0435\u043a"), 1.0),
+        **dict.fromkeys(("sekunden", "seconde"), 1.0),
         **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 1e-3),
         **dict.fromkeys(("us", "micros", "microseconds"), 1e-6),
         **dict.fromkeys(("min", "mins", "min.", "minute", "minutes"), 60.0),
-        "\u043c\u0438\u043d": 60.0,
         **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std"), 3600.0),
         **dict.fromkeys(("d", "day", "days"), 86400.0),
     },
     "force": {
-        **dict.fromkeys(("N", "newton", "newtons", "\u725b", "\u041d"), 1.0),
-        **dict.fromkeys(("kN", "\u5343\u725b", "\u043a\u041d"), 1e3),
+        **dict.fromkeys(("N", "newton", "newtons", "\u725b"), 1.0),
+        **dict.fromkeys(("kN", "\u5343\u725b"), 1e3),
         "mN": 1e-3,
         "uN": 1e-6,
         "cN": 1e-2,
@@ -56,9 +55,7 @@ _TABLE: dict[str, dict[str, float]] = {
         "dyn": 1e-5,
     },
     "length": {
-        **dict.fromkeys(
-            ("mm", "millimeter", "millimetre", "\u6beb\u7c73", "\u043c\u043c"), 1.0
-        ),
+        **dict.fromkeys(("mm", "\u6beb\u7c73"), 1.0),
         **dict.fromkeys(("um", "micron", "microns"), 1e-3),
         "nm": 1e-6,
         "cm": 10.0,
@@ -77,10 +74,8 @@ _TABLE: dict[str, dict[str, float]] = {
         **dict.fromkeys(("mstrain", "millistrain"), 1e-3),
     },
     "stress": {
-        **dict.fromkeys(
-            ("MPa", "N/mm2", "MN/m2", "\u5146\u5e15", "\u041c\u041f\u0430"), 1.0
-        ),
-        **dict.fromkeys(("kPa", "kN/m2", "mN/mm2", "\u043a\u041f\u0430"), 1e-3),
+        **dict.fromkeys(("MPa", "N/mm2", "MN/m2", "\u5146\u5e15"), 1.0),
+        **dict.fromkeys(("kPa", "kN/m2", "mN/mm2"), 1e-3),
         **dict.fromkeys(("Pa", "N/m2"), 1e-6),
         **dict.fromkeys(("GPa", "kN/mm2"), 1e3),
         "N/cm2": 1e-2,
@@ -132,6 +127,24 @@ _EXACT = {
     **dict.fromkeys(
         ("degF", "F", "fahrenheit"), Unit("temperature", 5 / 9, -32 * 5 / 9)
     ),
+}
+# Spelt out, and in Russian letters.
+_EXACT |= {
+    text: _EXACT[unit]
+    for unit, texts in {
+        "s": "\u0441 \u0441\u0435\u043a",
+        "min": "\u043c\u0438\u043d",
+        "mm": "millimeter millimetre millimeters millimetres \u043c\u043c",
+        "cm": "centimeter centimetre centimeters centimetres",
+        "um": "micrometer micrometre micrometers micrometres",
+        "N": "\u041d",
+        "kN": "kilonewton kilonewtons \u043a\u041d",
+        "mN": "millinewton millinewtons",
+        "MPa": "megapascal megapascals \u041c\u041f\u0430",
+        "kPa": "kilopascal kilopascals \u043a\u041f\u0430",
+        "Pa": "pascal pascals",
+    }.items()
+    for text in texts.split()
 }
 # A stretch ratio: 1 where the specimen is not strained.
 _EXACT["stretch"] = Unit("strain", 1.0, -1.0)

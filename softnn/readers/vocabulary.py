@@ -49,10 +49,17 @@ _LONGER = (
     r"uzama|alungire|\u0443\u0434\u043b\u0438\u043d\u0435\u043d\u0438\u0435"
 )
 
+# Components of a strain field, by the software of cameras.
+_TENSOR = r"^(e|eps|epsilon|\u03b5) ?(xx|yy|zz|x|y|z|11|22|33|1|2)\b"
+# The direction of a strain, where its name ends in one.
+DIRECTION = re.compile(
+    r"^(?:e|eps|epsilon|\u03b5|.*\bstrain) ?(xx|yy|zz|x|y|z|11|22|33)\b"
+)
+
 # What the machine was told, beside what it measured: taken only where it stands alone.
 SET = re.compile(
-    r"\b(set( ?values?)?|cmd|commanded|demand\w*|ref(erence)?|nominal (position|disp\w*)|"
-    r"programmed|vorgabe|sollwert|consigne|zadana?)\b"
+    r"\b(set( ?values?)?|cmd|commanded|demand\w*|ref(erence)?|"
+    r"nominal (position|disp\w*)|programmed|vorgabe|sollwert|consigne|zadana?)\b"
 )
 
 # role -> patterns, most wanted first. \u escapes are Chinese and Japanese words.
@@ -97,7 +104,7 @@ _ROLES = {
         r"\b(elongation|allongement|extension|alargamiento|allungamento|ave)\b|"
         r"\b(\w*verlangerung|estensione|" + _LONGER + r")\b|\u4f38\u957f|\u5ef6\u4f38",
         _STRETCH,
-        r"^e$",
+        r"^e$|" + _TENSOR,
     ),
     "displacement": (
         r"\b(standardweg|standard travel|course standard|recorrido estandar)\b",
