@@ -135,6 +135,7 @@ def _run_read(arguments: argparse.Namespace) -> int:
             told += notes
         else:
             files.append((given, True))
+    sources = {file.resolve() for file, _ in files}
     for file, must in files:
         try:
             recordings = read(file, options)
@@ -151,9 +152,7 @@ def _run_read(arguments: argparse.Namespace) -> int:
                 odd = [str(error)]
             told += [f"  odd:  {_printable(line)}" for line in odd]
             if out is not None:
-                path = write_tidy(
-                    recording, out, taken, {f.resolve() for f, _ in files}
-                )
+                path = write_tidy(recording, out, taken, sources)
                 written[path.name] = recording
                 told.append(f"  written to  {path}")
             told.append("")
@@ -248,8 +247,7 @@ def write_tidy(
 
     The name holds letters, digits, `.`, `_` and `-` only, so it cannot lead out of
     the folder. `taken` are names already written by this command, which are not
-    used again. Raises `InputError`
-    where it would write over one of `sources`.
+    used again. Raises `InputError` where it would write over one of `sources`.
     """
     from softnn.readers.tidy import write_table
 

@@ -483,8 +483,8 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
         finalists += [c for c in order if len(c.effects) == size][:FINALISTS]
     progress.part("recordings left out", len(finalists))
     judged = []
-    for one in finalists:
-        judged.append(judge.judged(one.fit, refit=True))
+    for finalist in finalists:
+        judged.append(judge.judged(finalist.fit, refit=True))
         progress.piece()
     return judged
 
