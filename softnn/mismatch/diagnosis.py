@@ -170,6 +170,7 @@ def _diagnose(
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
     told = judge(base.start(counted(case, axes), model))
+    progress.part("the result", 0)
     learned = None
     if told.verdict == "unexplained":
         learned = learn(told.engine, told.decision.account.fit, rng)

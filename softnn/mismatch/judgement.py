@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softnn import progress
 from softnn.fit import Engine, Fit, Piece, fit
 from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
@@ -94,6 +95,7 @@ def _shows(engine: Engine) -> Shows:
 def by_likelihood(found: Search) -> Judgement:
     """Judge where some candidate explains the recordings down to the noise."""
     base, engine = found.base, found.base.engine
+    progress.part("recordings left out", 0)
     probable = with_mistakes(posterior(found.accounts), engine)
     own = replicates.stand_out(engine, probable.best.fit) + zeros.at_rest(engine)
     for fault in own:
@@ -169,6 +171,7 @@ def by_prediction(base: Baseline) -> Judgement:
             given, found = pieces(), again
         else:
             own = known
+    progress.part("the decision", 0)
     best = prediction.best(found)
     bare = prediction.alone(base, found)
     probable = prediction.posterior(found, bare)

@@ -7,7 +7,6 @@ Without a unit of its own `X_Value` is in seconds where `X_Dimension` is time. T
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 from softnn.readers.assemble import read_source
@@ -26,7 +25,7 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
-    rows = [re.split(r"[\t,;]", line) for line in source.head.split("\n")[:200]]
+    rows = [line.split(source.delimiter) for line in source.lines[:200]]
     said = {row[0].strip(): [c.strip() for c in row[1:]] for row in reversed(rows)}
     names = said.get("X_Value", [])
     units = {
