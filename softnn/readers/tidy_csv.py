@@ -8,8 +8,7 @@ from softnn.axes import axes_of
 from softnn.readers.assemble import ROUNDED, read_source
 from softnn.readers.clocks import spread
 from softnn.readers.options import ReadOptions, Rules
-from softnn.readers.source import Source
-from softnn.readers.table import without_units
+from softnn.readers.source import Source, quantity
 from softnn.readers.tidy import read_tidy
 from softnn.readers.vocabulary import WHICH, WHOSE, plain
 from softnn.recording import Recording, Step
@@ -24,7 +23,7 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
-    if _changed(source, options) or without_units(source.top, source.path)[1]:
+    if _changed(source, options) or _with_units(source):
         return read_source(source, Rules(NAME), options)
     about = {"specimen": options.specimen, "material": options.material}
     about["test"] = options.test
@@ -43,6 +42,12 @@ def read(source: Source, options: ReadOptions) -> list[Recording]:
             log=(Step("read", arguments), *recording.log),
         )
     ]
+
+
+def _with_units(source: Source) -> bool:
+    """Whether the first cells have their unit behind them."""
+    cells = (c for line in source.lines[1:60] for c in line.split(","))
+    return any(quantity(c.strip()) for c in cells)
 
 
 def _changed(source: Source, options: ReadOptions) -> bool:
