@@ -32,11 +32,12 @@ from pathlib import Path
 from typing import Any
 
 from bench.architectures.choices import FINALISTS
+from bench.architectures.page import result_files
 from bench.architectures.report import draw
 from bench.architectures.search import keep, searched
 from bench.architectures.trials import FIRST_OF, TRAINING, trials_of
 from softnn.contracts import InputError
-from softnn.study.common import guarded, save_figure, write_result
+from softnn.study.common import RESULTS, guarded, save_figure, write_result
 from softnn.study.material_data import prepared
 from softnn.study.settings import (
     Places,
@@ -52,6 +53,7 @@ from softnn.study.sweep import headline_of_all
 DEFAULTS = Settings(samples=100)  # neighbours in time say the same thing twice
 TRIALS = 300
 STUDY = "architectures"
+FILES = {"tpe": STUDY, "grid": "grid"}  # published results, by sampler
 BEST = Path(__file__).with_name("best")
 
 
@@ -67,10 +69,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         action="store_true",
         help="write the ends of each front to studies/best, for the tests to hold",
     )
+    made.add_argument(
+        "--keep-published",
+        action="store_true",
+        help="the same with published fronts, of --material or all; without a search",
+    )
     add_worker(made)
     arguments = made.parse_args(argv)
 
     def work() -> None:
+        if arguments.keep_published:
+            return keep_published(RESULTS, BEST, arguments.material)
         settings = settings_of(arguments, DEFAULTS)
         trials = trials_of(arguments.sampler, arguments.trials, TRIALS)
         usual = replace(
@@ -79,14 +88,31 @@ def main(argv: Sequence[str] | None = None) -> int:
             data=settings.data,
             cycles=settings.cycles,
         )
-        published = settings == usual and arguments.sampler == "tpe"
+        published = settings == usual and arguments.sampler in FILES
         places = places_of(arguments, published)
         if arguments.smoke:
             run(smoked(settings), places, min(trials, 6), sampler=arguments.sampler)
         else:
-            run(settings, places, trials, arguments.keep_best, arguments.sampler)
+            file = FILES.get(arguments.sampler, STUDY)
+            keep_best = arguments.keep_best
+            run(settings, places, trials, keep_best, arguments.sampler, file=file)
 
     return guarded(work)
+
+
+def keep_published(results: Path, folder: Path, material: str | None) -> None:
+    """Train the ends of the published fronts, and write them to a folder.
+
+    Those of one material, or of all if it is None.
+    """
+    for result in result_files(results).values():
+        wanted = [m for m in result["materials"] if material in (None, m["material"])]
+        if wanted:
+            given = result["settings"]
+            settings = Settings(**{**given, "neurons": tuple(given["neurons"])})
+            known = {data.label: data for data in prepared(settings)}
+            for one in wanted:
+                keep(one, known[one["label"]], settings, folder)
 
 
 def run(
