@@ -43,7 +43,7 @@ from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
 
 MOST = 4  # recordings that are diagnosed
-AFTER = "what comes after"
+AFTER = "later samples"  # than any that was never shown
 LEAST = 0.05  # of the samples, by which it is worth a word
 Result = Mapping[str, Any]
 
@@ -166,7 +166,8 @@ def asked(one: Result, given: Result, most: int) -> dict[str, Any]:
 def never_shown(case: Case, network: StoredNetwork) -> dict[str, float]:
     """What the network was never shown, with its share of the samples of a case.
 
-    What comes after has a history that was never shown either; it stands last.
+    Later samples of a recording have a history that was never shown either. Their share
+    stands last, under `AFTER`.
     """
     total = sum(len(r) for r in case.recordings)
     counts: dict[str, int] = {}
@@ -205,26 +206,37 @@ def sentence(
     without that factor.
 
     >>> said = sentence({}, {"faster rates": 0.98}, (0.14, 0.88, 0.05))
-    >>> said.split(": ")[0]
+    >>> said.split(". ")[0]
     'It was never shown faster rates (98 % of the samples)'
-    >>> said.split(": ")[1]
-    'its stress is 12 % too low there; without that its error of 14 % would be 5 %.'
+    >>> said.split("; ")[1]
+    'at the right level its error of 14 % would be 5 %.'
+    >>> said = sentence({}, {"holds": 0.04, AFTER: 0.64}, (0.14, 0.88, 0.05))
+    >>> said.split(". ")[1]
+    'Later samples (64 %) have a history that it was never shown either'
     """
     error, factor, left = errors
     parts = []
     if named:
         effects = [f"{plain(n)} ({100 * p:.0f} %)" for n, p in named.items()]
         parts.append(f"lacks {listed(effects)}")
-    if shares:
-        seen = [
-            f"{what} ({100 * s:.0f} % of the samples)" for what, s in shares.items()
-        ]
+    seen = [
+        f"{what} ({100 * s:.0f} % of the samples)"
+        for what, s in shares.items()
+        if what != AFTER
+    ]
+    if seen:
         parts.append(f"was never shown {listed(seen)}")
     if not parts:
         parts.append("was shown all that it is asked, and no effect can be named")
-    return (
-        f"It {' and '.join(parts)}: its stress is {100 * abs(factor - 1):.0f} % too "
-        f"{'high' if factor > 1 else 'low'} there; without that its error of "
+    told = f"It {' and '.join(parts)}. "
+    if AFTER in shares:
+        told += (
+            f"{AFTER.capitalize()} ({100 * shares[AFTER]:.0f} %) have a history that "
+            "it was never shown either. "
+        )
+    return told + (
+        f"Its stress is {100 * abs(factor - 1):.0f} % too "
+        f"{'high' if factor > 1 else 'low'} overall; at the right level its error of "
         f"{100 * error:.0f} % would be {100 * left:.0f} %."
     )
 

@@ -130,7 +130,7 @@ def test_a_network_shown_both_ways_is_asked_nothing_new(network):
     assert again == seen
 
 
-def test_what_comes_after_was_never_shown_either(network):
+def test_the_history_of_later_samples_was_never_shown_either(network):
     """The study of what a network lacks counts the samples after an unloading, too."""
     from studies.lacks import AFTER, never_shown
 
