@@ -32,11 +32,12 @@ from pathlib import Path
 from typing import Any
 
 from bench.architectures.choices import FINALISTS
+from bench.architectures.page import result_files
 from bench.architectures.report import draw
 from bench.architectures.search import keep, searched
 from bench.architectures.trials import FIRST_OF, TRAINING, trials_of
 from softnn.contracts import InputError
-from softnn.study.common import guarded, save_figure, write_result
+from softnn.study.common import RESULTS, guarded, save_figure, write_result
 from softnn.study.material_data import prepared
 from softnn.study.settings import (
     Places,
@@ -67,10 +68,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         action="store_true",
         help="write the ends of each front to studies/best, for the tests to hold",
     )
+    made.add_argument(
+        "--keep-published",
+        action="store_true",
+        help="the same with the published fronts, without a search",
+    )
     add_worker(made)
     arguments = made.parse_args(argv)
 
     def work() -> None:
+        if arguments.keep_published:
+            return keep_published(RESULTS, BEST)
         settings = settings_of(arguments, DEFAULTS)
         trials = trials_of(arguments.sampler, arguments.trials, TRIALS)
         usual = replace(
@@ -87,6 +95,16 @@ def main(argv: Sequence[str] | None = None) -> int:
             run(settings, places, trials, arguments.keep_best, arguments.sampler)
 
     return guarded(work)
+
+
+def keep_published(results: Path, folder: Path) -> None:
+    """Train the ends of the published fronts, and write them to a folder."""
+    for result in result_files(results).values():
+        given = result["settings"]
+        settings = Settings(**{**given, "neurons": tuple(given["neurons"])})
+        known = {data.label: data for data in prepared(settings)}
+        for one in result["materials"]:
+            keep(one, known[one["label"]], settings, folder)
 
 
 def run(

@@ -21,7 +21,7 @@ from softnn.neural import (
     samples,
     stored,
 )
-from softnn.neural.recurrent import train_gated
+from softnn.neural.recurrent import _Gated, train_gated
 from softnn.recording import Recording
 from softnn.study.material_data import prepared
 from softnn.study.settings import Settings, smoked
@@ -56,6 +56,16 @@ def test_it_computes_what_torch_computes():
     with torch.no_grad():
         states = theirs(torch.from_numpy(model.inputs.apply(x))[None])[0][0].numpy()
     np.testing.assert_allclose(model.layer(x), states, atol=1e-12)
+
+
+def test_its_derivatives_are_those_of_differences():
+    make = torch.Generator().manual_seed(0)
+    x, inputs, past = (
+        torch.rand(*shape, dtype=torch.float64, generator=make) - 0.5
+        for shape in ((2, 5, 3, 2), (2, 2, 12), (2, 4, 12))
+    )
+    free = inputs.requires_grad_(), past.requires_grad_()
+    assert torch.autograd.gradcheck(lambda *w: _Gated.apply(x, *w), free)
 
 
 def test_training_is_of_the_network_that_predicts():

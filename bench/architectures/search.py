@@ -27,6 +27,7 @@ from bench.architectures.report import draw, table
 from bench.architectures.trials import (
     ALL_GIVEN,
     FIRST_OF,
+    KEPT,
     TRAINING,
     Judge,
     conditions,
@@ -243,16 +244,38 @@ def once_more(trainer: Trainer, unseen: str) -> Again:
 def keep(
     found: Mapping[str, Any], data: Data, settings: Settings, folder: Path
 ) -> Path:
-    """Write both ends of the front to a folder, for the tests to hold."""
+    """Write both ends of the front to a folder, for the tests to hold.
+
+    They are trained again by `KEPT`, since a search trains them without a grid.
+    """
     source = "" if data.is_virtual else f"{data.source}-"
     path = folder / f"architectures-{source}{data.file_name}.json"
+    trainer = Trainer(data, settings, KEPT)
+    front = {"random": found["front"][0], "unseen": found["front"][-1]}
     content = {
         "data_sha256": data.digest,
         "settings": asdict(replace(settings, material=data.material)),
-        "training": asdict(TRAINING),
+        "training": asdict(KEPT),
         "unseen": found["unseen"],
-        "ends": {"random": found["front"][0], "unseen": found["front"][-1]},
+        "ends": {
+            use: end_of(row, trainer, found["unseen"]) for use, row in front.items()
+        },
     }
     json_file.write(path, content)
     print(f"kept: {path}")
     return path
+
+
+def end_of(row: Mapping[str, Any], trainer: Trainer, unseen: str) -> dict[str, Any]:
+    """A row of the front as it is kept: its configuration, and its errors by fold."""
+    chosen = {k: row[k] for k in ("inputs", "neurons", "regularisation", "lag_s")}
+    judged = trainer.judge_parts(chosen, {k: slice(None) for k in (unseen, "random")})
+    random, never = judged["random"], judged[unseen]
+    return {
+        **chosen,
+        "parameters": random["parameters"],
+        "random": float(np.mean(random["nrmse"])),
+        "unseen": float(np.mean(never["nrmse"])),
+        "folds_random": random["nrmse"],
+        "folds_unseen": dict(zip(never["folds"], never["nrmse"], strict=True)),
+    }

@@ -31,6 +31,10 @@ class Settings:
     `settled_nats`: stop when the log evidence (for fixed `alpha` and `beta` the log
     posterior with the noise profiled out) has gained less than this over the last
     `settled_epochs` accepted steps. 0 never stops so, as in `trainbr`.
+
+    `grid`: parameters are multiples of it. Processors round differently, and each step
+    enlarges what they differ by; multiples of 1e-4 absorb that before the next step. 0
+    allows any number, as in `trainbr`.
     """
 
     mu: float = 0.005
@@ -42,6 +46,7 @@ class Settings:
     settled_nats: float = 0.1
     settled_epochs: int = 10
     patience: int = 6  # epochs of rising validation error, with early stopping
+    grid: float = 0.0
 
 
 DEFAULTS = Settings()
@@ -146,6 +151,8 @@ def minimise(
             continue
         step = _step(exact[w], slope, a[w], b[w], mu[w])
         trial = theta[w] - step
+        if settings.grid:
+            trial = (trial / settings.grid).round_() * settings.grid
         trial_sse = problem.sse(trial, w)
         now = b[w] * sse[w] + a[w] * _square(theta[w])
         then = b[w] * trial_sse + a[w] * _square(trial)
