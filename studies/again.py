@@ -489,6 +489,7 @@ CHECKERS = {
     "rates": Checker(partial(piecewise, rates.study)),
     "segments": Checker(partial(piecewise, segments.study)),
     "architectures": Checker(searched, TRAINED),
+    "grid": Checker(searched, TRAINED),
     "inputs": Checker(trained, TRAINED),
     "neurons": Checker(trained, TRAINED),
     "regularisation": Checker(trained, TRAINED),

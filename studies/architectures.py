@@ -53,6 +53,7 @@ from softnn.study.sweep import headline_of_all
 DEFAULTS = Settings(samples=100)  # neighbours in time say the same thing twice
 TRIALS = 300
 STUDY = "architectures"
+FILES = {"tpe": STUDY, "grid": "grid"}  # published results, by sampler
 BEST = Path(__file__).with_name("best")
 
 
@@ -87,12 +88,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             data=settings.data,
             cycles=settings.cycles,
         )
-        published = settings == usual and arguments.sampler == "tpe"
+        published = settings == usual and arguments.sampler in FILES
         places = places_of(arguments, published)
         if arguments.smoke:
             run(smoked(settings), places, min(trials, 6), sampler=arguments.sampler)
         else:
-            run(settings, places, trials, arguments.keep_best, arguments.sampler)
+            file = FILES.get(arguments.sampler, STUDY)
+            keep_best = arguments.keep_best
+            run(settings, places, trials, keep_best, arguments.sampler, file=file)
 
     return guarded(work)
 

@@ -134,18 +134,10 @@ def test_a_fold_of_an_end(path, use):
     hold("random", found, again, end["folds_random"][:1], RELATIVE)
 
 
-# Their training has not settled when it ends: rounding moves a fold by more than eight
-# copies of it show.
-UNSETTLED = {("architectures-EPR", "random"), ("architectures-SR", "random")}
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("use", ["random", "unseen"])
 @pytest.mark.parametrize("path", ENDS, ids=lambda path: path.stem)
-def test_every_fold_of_an_end(path, use, request):
-    if (path.stem, use) in UNSETTLED:
-        said = "issue 54: a fold of this kept network is 2 to 6 % off by rounding"
-        request.applymarker(pytest.mark.xfail(reason=said))
+def test_every_fold_of_an_end(path, use):
     unseen = end_kept(path)[0]["unseen"]
     parts = {unseen: slice(None), "random": slice(None)}
     end, found, again = retrained(path, use, parts)

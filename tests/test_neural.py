@@ -146,6 +146,31 @@ def test_a_network_does_not_depend_on_its_company():
         assert together[i].gamma == pytest.approx(alone.gamma, rel=1e-4)
 
 
+def test_on_a_grid_rounding_does_not_grow():
+    """Copies whose targets differ in the thirteenth digit end at the same numbers."""
+    inputs, target = tensile(np.random.default_rng(5))
+    about = dict(
+        neurons=[8] * 4, train_mask=np.ones((4, len(target)), bool), seeds=range(4)
+    )
+
+    def trained(grid, rounded):
+        rng = np.random.default_rng(6)
+        moved = target * (1 + rounded * rng.standard_normal(len(target)))
+        settings = Settings(epochs=60, settled_nats=3.0, grid=grid)
+        return train(inputs, moved, settings=settings, **about)
+
+    def weights(one):
+        return np.append(one.network.hidden.ravel(), one.network.output)
+
+    free, other = ([*map(weights, trained(0.0, r))] for r in (0.0, 1e-13))
+    assert max(np.abs(a - b).max() for a, b in zip(free, other, strict=True)) > 1e-6
+    grid = 2.0**-12
+    for one, two in zip(trained(grid, 0.0), trained(grid, 1e-13), strict=True):
+        np.testing.assert_array_equal(weights(one), weights(two))
+        if one.iterations:
+            np.testing.assert_array_equal(weights(one) % grid, 0)
+
+
 def test_held_out_samples_are_not_seen():
     rng = np.random.default_rng(4)
     x, y = tensile(rng)

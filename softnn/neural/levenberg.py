@@ -32,9 +32,9 @@ class Settings:
     posterior with the noise profiled out) has gained less than this over the last
     `settled_epochs` accepted steps. 0 never stops so, as in `trainbr`.
 
-    `grid`: parameters are multiples of it. Processors round differently, and each step
-    enlarges what they differ by; multiples of 1e-4 absorb that before the next step. 0
-    allows any number, as in `trainbr`.
+    `grid`: parameters are multiples of it, or any number if it is 0, as in `trainbr`.
+    Processors round differently, and each step enlarges the difference. A grid of some
+    1e-4 absorbs it before the next step.
     """
 
     mu: float = 0.005
