@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import studies
+from bench.architectures.search import keep
+from bench.architectures.trials import KEPT
 from softnn.metrics import nrmse
 from softnn.neural import Settings as Training
 from softnn.readers.tidy import data_folder
@@ -145,6 +147,22 @@ def test_every_fold_of_an_end(path, use):
     assert set(found[unseen]["folds"]) == set(end["folds_unseen"])
     expected = [end["folds_unseen"][name] for name in found[unseen]["folds"]]
     hold(unseen, found, again, expected, RELATIVE_UNSEEN)
+
+
+def test_a_published_front_is_kept_as_it_comes_out_on_the_grid(tmp_path):
+    settings = Settings(samples=20, folds=3)
+    (data,) = prepared(settings)
+    row = {"inputs": "FFRD4", "neurons": 2, "regularisation": "bayesian", "lag_s": None}
+    found = {"front": [{**row, "random": 9.9}], "unseen": "rate"}
+    path = keep(found, data, settings, tmp_path)
+    content, trainer = end_kept(path)
+    assert trainer.training == KEPT
+    for use in ("random", "unseen"):
+        end = content["ends"][use]
+        assert end["random"] == pytest.approx(np.mean(end["folds_random"]))
+        assert len(end["folds_random"]) == 3
+        judged = trainer.judge_parts(row, {"rate": slice(None)})["rate"]
+        assert list(end["folds_unseen"].values()) == judged["nrmse"]
 
 
 def test_what_differs_by_more_than_rounding_does_not_hold():
