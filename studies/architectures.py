@@ -72,14 +72,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     made.add_argument(
         "--keep-published",
         action="store_true",
-        help="the same with the published fronts, without a search",
+        help="the same with published fronts, of --material or all; without a search",
     )
     add_worker(made)
     arguments = made.parse_args(argv)
 
     def work() -> None:
         if arguments.keep_published:
-            return keep_published(RESULTS, BEST)
+            return keep_published(RESULTS, BEST, arguments.material)
         settings = settings_of(arguments, DEFAULTS)
         trials = trials_of(arguments.sampler, arguments.trials, TRIALS)
         usual = replace(
@@ -100,14 +100,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     return guarded(work)
 
 
-def keep_published(results: Path, folder: Path) -> None:
-    """Train the ends of the published fronts, and write them to a folder."""
+def keep_published(results: Path, folder: Path, material: str | None) -> None:
+    """Train the ends of the published fronts, and write them to a folder.
+
+    Those of one material, or of all if it is None.
+    """
     for result in result_files(results).values():
-        given = result["settings"]
-        settings = Settings(**{**given, "neurons": tuple(given["neurons"])})
-        known = {data.label: data for data in prepared(settings)}
-        for one in result["materials"]:
-            keep(one, known[one["label"]], settings, folder)
+        wanted = [m for m in result["materials"] if material in (None, m["material"])]
+        if wanted:
+            given = result["settings"]
+            settings = Settings(**{**given, "neurons": tuple(given["neurons"])})
+            known = {data.label: data for data in prepared(settings)}
+            for one in wanted:
+                keep(one, known[one["label"]], settings, folder)
 
 
 def run(

@@ -413,3 +413,20 @@ def test_a_network_is_the_same_in_any_company(how):
             np.testing.assert_array_equal(
                 one.network.output, together[i].network.output
             )
+
+
+def test_neighbours_do_not_change_the_stages_of_training():
+    """A summary of the samples brings a first stage to their own network alone."""
+    rng = np.random.default_rng(6)
+    x = rng.integers(0, 400, (1500, 1)) / 400.0
+    y = np.tanh(3 * x[:, 0]) + 0.05 * rng.standard_normal(len(x))
+    seen = np.ones((2, len(x)), bool)
+    seen[1, 500:] = False
+
+    def trained(which):
+        how = {"neurons": [4] * len(which), "seeds": which, "threads": 1}
+        return train(x, y, train_mask=seen[which], **how)
+
+    for one, other in zip(trained([0, 1]), (*trained([0]), *trained([1])), strict=True):
+        assert one.iterations == other.iterations
+        np.testing.assert_array_equal(one.network.hidden, other.network.hidden)

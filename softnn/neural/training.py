@@ -329,7 +329,17 @@ def _train_batch(
     checks = None if held_out is None else scaled(held_out)
     whole = scaled(rows)
     fewer = [summary(one, rng) for one, rng in zip(whole, rngs, strict=True)]
-    if starts > 1 or any(few is not one for few, one in zip(fewer, whole, strict=True)):
+    able = [few is not one for few, one in zip(fewer, whole, strict=True)]
+    if starts == 1 and 0 < sum(able) < len(jobs):
+        # A summary brings a first stage of training. Neighbours must not bring it too.
+        found: dict[int, Trained] = {}
+        for way in (True, False):
+            group = [i for i, one in enumerate(able) if one is way]
+            some = [jobs[i] for i in group]
+            about = regularisation, settings, starts, one_sign, device
+            found |= zip(group, _train_batch(some, *about), strict=True)
+        return [found[i] for i in range(len(jobs))]
+    if starts > 1 or all(able):
         # Most of the training uses far fewer rows, at a fraction of the cost.
         early = fit(fewer, start, settings, starts)
         pick = early.evidence.reshape(-1, starts).nan_to_num(nan=-torch.inf).argmax(1)
