@@ -391,29 +391,7 @@ def networks() -> str:
         f"The L2 weight is the best of {result(REGULARISATION)['l2_trials']}; all "
         "three ways are judged on random folds that no choice has seen.",
         _regularisation(),
-        "## All that the thesis tabulates, in one grid",
-        "Inputs, neurons and two ways of regularisation, each with each other: of "
-        f"{len(result('grid')['materials'][0]['trials'])} networks for "
-        f"{result('grid')['materials'][0]['label']}, the best of every pair by random "
-        f"folds, with at most {result('grid')['settings']['samples']} samples a "
-        "recording (`python -m studies.architectures --sampler grid`).",
-        _grid(),
     )
-
-
-def _grid() -> str:
-    """The best number of neurons for each pair of inputs and regularisation."""
-    (one,) = result("grid")["materials"]
-    pairs: dict[tuple[str, str], list[Row]] = {}
-    for t in one["trials"]:
-        pairs.setdefault((t["inputs"], t["regularisation"]), []).append(t)
-    rows = []
-    for (name, way), tried in pairs.items():
-        best = min(tried, key=lambda t: t["random"])
-        errors = percent(best["random"]), percent(best["unseen"])
-        rows.append([name, way, f"{best['neurons']}", *errors])
-    header = ["inputs", "regularisation", "neurons", "random folds"]
-    return markdown([*header, f"{one['unseen']}s never seen"], rows)
 
 
 def _regularisation() -> str:
