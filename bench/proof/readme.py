@@ -46,17 +46,20 @@ def on_real(real: dict[str, Any]) -> list[list[str]]:
     worse = int(np.sum(after > WORSE * before))
     rows = [
         [
-            f"real recordings: median error on {len(unseen)} that no fit used",
+            f"real recordings: median error of {len(unseen)} predictions",
             f"{percent(float(np.median(after)), 1)} corrected, "
             f"{percent(float(np.median(before)), 1)} before",
         ],
-        ["... where the correction makes it worse by more than a tenth", str(worse)],
+        [
+            "... predictions that the correction makes worse by more than a tenth",
+            f"{worse} of {len(unseen)}",
+        ],
         [
             "... groups in which the names agree with the literature",
             f"{head['groups_in_agreement']} of {head['groups_judged']}",
         ],
         [
-            "... names given at 90 % or more there; excluded by the literature",
+            "... names given at 90 % or more; excluded by the literature",
             f"{head['sure_names']}; {head['sure_names_excluded']}",
         ],
     ]
@@ -67,7 +70,7 @@ def on_real(real: dict[str, Any]) -> list[list[str]]:
         found, false = faults["found"], faults["with_a_false_name"]
         rows.append(
             [
-                "... faults put into copies of them: found; copies with a false name",
+                "... faults put into copies: found; copies with a false name",
                 f"{found['right']} of {found['of']}; {false['right']} of {false['of']}",
             ]
         )
@@ -86,7 +89,7 @@ def beside(rivals: dict[str, Any]) -> list[list[str]]:
     low, high = head[f"{near}/ratio_low"], head[f"{near}/ratio_high"]
     return [
         [
-            f"... the best other method ({name}) has this many times softnn's error",
+            f"... the best other method ({name}): times softnn's error",
             f"{head[f'{near}/ratio']:.2f} ({low:.2f} to {high:.2f})",
         ]
     ]
