@@ -65,7 +65,7 @@ ABOUT = (
     "rate. If the specimen unloads or hangs slack, train [`taught`](controllers.md) "
     "as well, and compare on a recording that you left out.",
     'For a material of your own run `make neurons ARGS="--data FOLDER"`, with '
-    "`--cycles` if your recordings unload. Seven more sets of recordings stand under "
+    "`--cycles` if your recordings unload. More sets of recordings stand under "
     "[Rates never seen](#rates-never-seen).",
     "- FFRI1, FFRI2, FFRI3: feed-forward networks. Inputs: the strain now; FFRI2 adds "
     "the strain one lag before, FFRI3 that of two lags before.\n"
@@ -86,6 +86,7 @@ ABOUT = (
     "- random folds: samples left out at random. Unseen: whole rates, or recordings if "
     "a material has one rate.",
 )
+ANSWER = 3  # paragraphs above the tables; the others explain words
 JUDGED = (
     "Random folds put neighbours in time of one specimen on both sides, so they "
     "measure interpolation. They are the protocol of the thesis. Specimens and rates "
@@ -122,9 +123,10 @@ def make(results: Path, folder: Path) -> Path:
     files = result_files(results)
     docs = folder / "docs"
     (docs / "figures").mkdir(parents=True, exist_ok=True)
-    parts = ["# Which network for which use", *ABOUT, *MADE]
+    parts = ["# Which network for which use", *ABOUT[:ANSWER]]
     convex = {o["label"]: o for o in read(results / "unseen.json").get("materials", [])}
     parts += summary(files.values(), convex) if files else [f"Not run: `{COMMAND}`."]
+    parts += ["## What the words mean, and how this was made", *ABOUT[ANSWER:], *MADE]
     lacks = lacks_of(results)
     for name, found in sections(files).items():
         common.save_figure(draw(found["materials"]), name, docs / "figures")
