@@ -28,7 +28,7 @@ $(STAMP): pyproject.toml constraints.txt
 
 install: $(STAMP) ## set up .venv (done by the others when needed)
 
-neurons: $(STAMP) ## the main job: which network for which use, 2 minutes, into MLflow
+neurons: $(STAMP) ## the main job: which network for which use, some minutes, into MLflow
 	$(BIN)/python -m studies.neurons $(ARGS)
 
 # Studies of minutes; those of hours are named in the help. Each replaces its own files.

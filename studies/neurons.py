@@ -43,7 +43,7 @@ from studies.shown import neurons as shown
 AS_IN_THESIS = "--as-in-thesis"
 SWEPT = "inputs split regularisation lag-s"
 DEFAULTS = architectures.DEFAULTS
-TRIALS = 45  # two minutes on two cores
+TRIALS = 45  # some minutes on two cores
 JOINT, THESIS = "neurons", "neurons-as-in-thesis"  # experiments in MLflow
 FILE = "joint"  # of the search; that of the published sweep is `neurons`
 BEST = Path(__file__).parent / "best"

@@ -126,6 +126,14 @@ def test_a_baseline_that_is_better_beyond_doubt_is_taken():
     assert "worse by 8.0" in never
 
 
+def test_an_error_above_a_fifth_is_called_poor():
+    for error, said in ((0.19, False), (0.3, True)):
+        convex = {**CONVEX, "unseen": [error, error]}
+        networks = [{**row, "unseen": [0.9, 0.9]} for row in NETWORKS]
+        (_, never), _ = sentences(networks, convex, [], "rate")
+        assert ("which is poor: record the rates that you need" in never) == said
+
+
 def test_what_cannot_be_fitted_is_a_dash_and_never_the_best():
     missing = row("PL-Wiechert", "one rate", "one rate")
     assert best_of([missing, NEAR], "unseen") is NEAR

@@ -429,25 +429,39 @@ def test_a_simulation_is_kept_where_no_stress_was_measured():
     assert len(engine.target) == 40
 
 
-def test_the_next_recording_has_the_mean_temperature_where_a_law_needs_one():
-    chunk = straight([0, 0.5, 0], 0.1, 0.05)
-    warm = Chunk(chunk.time_s, chunk.strain, np.full(len(chunk.time_s), 30.0))
-    engine = Engine(Data(("a",), (warm,), (2 * warm.strain,)))
+def advised(engine, *pair):
+    """What is advised to separate two effects, each at its first start."""
 
     def having(name):
         (piece, *_) = start_pieces(engine, effect(name))
         fitted = SimpleNamespace(guess=Guess(UNITS, STIFFNESS, (piece,)))
         return SimpleNamespace(effects=frozenset({name}), fit=fitted)
 
-    pair = ["thermal_softening", "mullins_softening"]
     told = SimpleNamespace(
         engine=engine,
         candidates=[having(name) for name in pair],
         base=SimpleNamespace(fixed=False),
         log_odds=lambda account: 0.0,
     )
-    found = written._programme(told, SPECIMEN, {"separates": pair})
+    return written._programme(told, SPECIMEN, {"separates": list(pair)})
+
+
+def test_the_next_recording_has_the_mean_temperature_where_a_law_needs_one():
+    chunk = straight([0, 0.5, 0], 0.1, 0.05)
+    warm = Chunk(chunk.time_s, chunk.strain, np.full(len(chunk.time_s), 30.0))
+    engine = Engine(Data(("a",), (warm,), (2 * warm.strain,)))
+
+    found = advised(engine, "thermal_softening", "mullins_softening")
     assert found["differ"] > 0
+
+
+def test_no_advised_programme_goes_where_a_specimen_tore():
+    chunk = straight([0, 0.9], 0.1, 0.05)
+    stress = np.where(chunk.strain > 0.5, np.nan, chunk.strain)
+    engine = Engine(Data(("a",), (chunk,), (stress,)))
+
+    found = advised(engine, "permanent_set", "mullins_softening")
+    assert 0.45 < max(found["programme"]["strain"]) <= 0.5
 
 
 def test_who_says_which_recordings_are_of_one_specimen(tmp_path):

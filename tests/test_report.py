@@ -301,6 +301,52 @@ def test_an_effect_that_may_be_there_beside_a_sure_one_is_asked_for():
     assert answer["next"].startswith("To see whether permanent set is there as well, ")
 
 
+def test_the_likeliest_effect_that_is_not_named_is_asked_for_first():
+    row = {"evidence": 0.0, "heldout_nrmse": 0.1, "alone": True, "together": None}
+    chances = {"mullins_softening": 0.97, "permanent_set": 0.2, "slack": 0.4}
+    rows = [row | {"effect": n, "probability": p} for n, p in chances.items()]
+    result = changed(candidates=[row | {"effect": None, "probability": 0.0}, *rows])
+    result["explanations"][0]["equivalent"] = []
+    advice = words.next_recording(result)
+    # Both may be there beside the softening; slack is told from a set alone.
+    assert advice["separates"] == ["permanent_set", "slack"]
+
+
+@pytest.mark.parametrize(("third", "told_"), [("inertia", True), ("slack", False)])
+def test_that_a_search_adds_three_effects_is_said_where_three_are_named(third, told_):
+    row = {"evidence": 0.0, "heldout_nrmse": 0.1, "alone": True, "together": None}
+    names = ["mullins_softening", "permanent_set", third]
+    result = told().result
+    (first,) = result["explanations"]
+    forms = {"permanent_set": "PermanentSet", "inertia": "Inertia", "slack": "Slack"}
+    more = [first | {"effect": n, "form": forms[n]} for n in names[1:]]
+    result |= {"selected": names, "corrected_by": names, "judged_by": "prediction"}
+    result["explanations"] += more
+    rows = [row | {"effect": n, "probability": 0.7} for n in names]
+    result["candidates"] = [row | {"effect": None, "probability": 0.0}, *rows]
+    said_ = " ".join(words.answer(result)["open"])
+    assert "Whether a fourth effect is there" in said_
+    assert ("looks for 3 such effects at most" in said_) == told_
+
+
+def test_a_parameter_at_the_end_of_its_range_is_marked(tmp_path):
+    found = told()
+    parameters = found.result["explanations"][0]["parameters"]
+    for name, value, marked in (
+        ("power", 4.0, True), ("power", 3.9, False), ("viscous_share", 0.0, False)
+    ):  # fmt: skip
+        parameters.clear()
+        parameters[name] = {"value": value, "low": 0.0, "high": value, "unit": "-"}
+        parameters[name]["low"] = value - 0.1
+        text = visible(write_report(found, tmp_path)[0])
+        assert ("at the limit of its range" in text) == marked
+
+
+def test_a_number_and_its_per_cent_sign_do_not_part(tmp_path):
+    text = write_report(told(), tmp_path)[0].read_text()
+    assert "95\N{NO-BREAK SPACE}%) was left out" in text
+
+
 def test_a_cause_on_no_list_has_a_row(tmp_path):
     found = told()
     for chance, said_ in ((0.001, False), (0.31, True)):

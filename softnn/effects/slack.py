@@ -19,10 +19,8 @@ from softnn.effects._signs import (
 
 LITTLE = 0.01  # share of the least peak stress that counts as no stress yet
 TAUT = 0.003  # share of the largest strain that a gap has even in closed grips
-GAPS = (
-    0.04,
-    0.01,
-)  # of the largest strain: from a large start a fit may miss a small gap
+# Starts, of the largest strain: from a large one a fit may miss a small gap.
+GAPS = (0.04, 0.01)
 START = 0.5  # share of the largest strain up to which the first loading is judged
 FASTER = 1.3  # ratio of speeds beyond which two loadings are not comparable
 MOST = 0.75  # largest share of recordings that may be slack beside taut ones

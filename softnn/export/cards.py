@@ -51,7 +51,7 @@ def of_test(law: Effect) -> bool:
 
     The scale of the stress is not: the card has that of a new recording, as C has it.
     """
-    return law.stage != "material" and law.id != "gain_error"
+    return law.stage != "material" and not law.scatter
 
 
 def card(model: Stored | StoredNetwork) -> Card:
@@ -96,7 +96,7 @@ def card(model: Stored | StoredNetwork) -> Card:
         )
     for i, piece in enumerate(model.pieces):
         law, p = piece.effect, piece.values
-        if law.scatter or of_test(law):
+        if law.stage != "material":  # the scale is in the curve
             continue
         if law.form == MULLINS and softening is None and 0 < p["depth"] < 1:
             softening = _mullins(p, strain, whole)

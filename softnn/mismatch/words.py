@@ -12,13 +12,14 @@ from typing import Any
 from softnn.effects import effect
 from softnn.mismatch.decision import HELPS
 from softnn.mismatch.posterior import LIKELY, NAMED, SURE
+from softnn.mismatch.prediction import BEAM
 from softnn.report.page import UNUSED
 from softnn.report.phrases import listed, number, opened, percent, plain, sure
 
 Result = Mapping[str, Any]
 
 ORDINALS = ("first", "second", "third", "fourth", "fifth")
-MOST = 3  # effects that a search adds
+MOST = len(BEAM) + 1  # effects that a search adds
 FEW = 2  # recordings that a sentence names; for more it gives their number
 SAME = 1.02  # factor of an error within which another error counts as equal
 
@@ -184,8 +185,10 @@ def _open(result: Result) -> list[str]:
         said.append(
             f"Whether a {which} effect is there{maybe}, these recordings cannot tell."
         )
-        if len(names) >= MOST:
-            said.append(f"softnn adds {MOST} effects at most; more may act.")
+        # Gaps, zeros and scales of single recordings are not found by the search.
+        own = {e["effect"] for e in _own(result)}
+        if len(set(names) - own) == MOST:
+            said.append(f"softnn looks for {MOST} such effects at most; more may act.")
     elif beside:
         is_ = "is" if len(beside) == 1 else "are"
         said.append(f"{opened(listed(beside))} {is_} possible as well.")
