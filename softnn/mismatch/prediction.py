@@ -90,8 +90,8 @@ class Folds:
     def chance(self) -> float:
         """Probability that what these recordings need, the next one does not.
 
-        With fewer than `ENOUGH` recordings it is that of the rule of succession
-        (Laplace), so one or two recordings never make a name sure. Else it is zero.
+        Fewer than `ENOUGH` recordings: the rule of succession (Laplace), so one or two
+        never make a name sure. Zero for more.
         """
         recordings = len({r for f in self.every for r in f.recordings}) or 1
         return 1 / (recordings + 2) if recordings < ENOUGH else 0.0
