@@ -32,8 +32,8 @@ def add_export(commands: Any) -> None:
         help="a model.json or network.json -> C, ONNX, FMU, Abaqus, Ansys",
         description="Write a model for a controller or a finite-element code. Forms: "
         "C99 with one step function; an FMU for FMI 2.0 and 3.0; ONNX for networks; "
-        "material cards, which say what they cannot carry. A card whose stress is more than 10 % "
-        "off the model's is refused.",
+        "material cards, which say what they cannot carry. A card whose stress is more "
+        "than 10 % off the model's is refused.",
         epilog="Example: softnn export found/case/model.json --to c --out controller",
     )
     parser.add_argument(
