@@ -270,6 +270,7 @@ class Effect(ABC):
     on_return: bool = False  # whether only returning strain can show it
     on_reloading: bool = False  # whether viscosity looks alike until the second loading
     spoken: str = ""  # its name in "NAME was left out"; empty: the id in words
+    family: str = ""  # what it has in common with laws that may take its place
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of a lookalike -> the test that separates them
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here

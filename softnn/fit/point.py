@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk, Effect, Scales
+from softnn.metrics import weights
 from softnn.models.units import Units
 from softnn.simulate import Term
 
@@ -34,6 +35,17 @@ class Data:
     def starts(self) -> Array:
         """Index of the first sample of each recording, and the end of the last one."""
         return np.concatenate([[0], np.cumsum([len(s) for s in self.stress_MPa])])
+
+    @cached_property
+    def weights(self) -> tuple[Array, ...]:
+        """Weight of each sample in an error (n,), by recording: `metrics.weights`.
+
+        All recordings weigh alike, however many samples they have.
+        """
+        mean = self.starts[-1] / len(self.chunks)
+        return tuple(
+            mean / len(c.time_s) * weights(c.time_s, c.strain) for c in self.chunks
+        )
 
     def scales(self) -> Scales:
         """Typical sizes, from which searches start; quantiles limit spikes.

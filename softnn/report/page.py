@@ -23,6 +23,7 @@ VERDICTS = {
     "partly_explained": "Explained in part",
     "unexplained": "Not explained by any effect known here",
     "nothing_missing": "Nothing is missing",
+    "good_enough": "Good enough",
     "undetermined": "These recordings cannot tell",
 }
 UNUSED = {
