@@ -38,6 +38,7 @@ class Job:
     out: Path
     model: str | None = None
     seed: int = 0
+    tolerance: float = 0.02
     resume: bool = False
     options: ReadOptions = field(default_factory=ReadOptions)
     skip: tuple[str, ...] = ()  # patterns of files to ignore
@@ -165,7 +166,8 @@ def _diagnosed(job: Job) -> Outcome:
         told = json.loads((job.out / "diagnosis.json").read_text("utf-8"))
         return Outcome(f"done before: {told['summary']}", told)
     (job.out / FAILED).unlink(missing_ok=True)
-    found = diagnose(case, None if job.model is None else base(job.model), job.seed)
+    model = None if job.model is None else base(job.model)
+    found = diagnose(case, model, job.seed, job.tolerance)
     found.result["provenance"] = {
         "softnn": __version__,
         "seed": job.seed,
@@ -196,7 +198,7 @@ def _asked(case: Case, job: Job) -> str:
     for values in case.simulated_MPa or ():
         digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
     about = case.model, case.history, sorted(case.specimen.items()), job.model, job.seed
-    digest.update(repr((*about, __version__)).encode())
+    digest.update(repr((*about, job.tolerance, __version__)).encode())
     if job.model is not None and Path(job.model).is_file():
         digest.update(Path(job.model).read_bytes())
     return digest.hexdigest()

@@ -64,6 +64,13 @@ def add_diagnose(commands: Any) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N")
     parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=0.02,
+        metavar="FRACTION",
+        help="error of prediction that is good enough, as 0.02 for 2 %% (the default)",
+    )
+    parser.add_argument(
         "--resume",
         action="store_true",
         help="leave cases alone that --out has a diagnosis of, from the same data, "
@@ -136,6 +143,11 @@ def diagnose(arguments: argparse.Namespace) -> int:
 
     _whole("--jobs", arguments.jobs, 1)
     _whole("--seed", arguments.seed, 0)
+    if not 0 < arguments.tolerance < 1:
+        raise InputError(
+            f"--tolerance is {arguments.tolerance:g}; allowed is a fraction above 0 "
+            "and below 1, as 0.02 for 2 %"
+        )
     if arguments.template:
         return _template(arguments)
     if arguments.out is None:
@@ -146,6 +158,7 @@ def diagnose(arguments: argparse.Namespace) -> int:
         out,
         arguments.model,
         seed=arguments.seed,
+        tolerance=arguments.tolerance,
         resume=arguments.resume,
         options=options_of(arguments),
         skip=tuple(arguments.skip),

@@ -19,6 +19,7 @@ from softnn.fit import Fit
 from softnn.mismatch import base, untaught, written
 from softnn.mismatch.base import beyond, usable
 from softnn.mismatch.case import Case, check_case, check_model, in_order, to_data
+from softnn.mismatch.decision import TOLERANCE
 from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
 from softnn.model_file import Correction, Stored, from_dict, to_dict
@@ -80,7 +81,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """explained, partly_explained, unexplained, nothing_missing or undetermined."""
+        """One of the verdicts of `softnn.mismatch.decision.TABLE`."""
         return str(self.result["verdict"])
 
     @property
@@ -134,21 +135,28 @@ class Diagnosis:
 
 
 def diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None = None, seed: int = 0
+    case: Case,
+    model: str | Stored | StoredNetwork | None = None,
+    seed: int = 0,
+    tolerance: float = TOLERANCE,
 ) -> Diagnosis:
     """Diagnose a case with the base `model`; return a `Diagnosis`.
 
     None takes the model that the case names, else its `simulated_MPa`, else
-    pl-wiechert. A stored model stays as it is, without a refit. Raises `InputError` for
+    pl-wiechert. A stored model stays as it is, without a refit. `tolerance` is the
+    error of prediction, a fraction, that is good enough. Raises `InputError` for
     recordings that cannot be diagnosed.
     """
     # The matrices are small: with several threads the products take longer.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnose(case, model, seed)
+        return _diagnose(case, model, seed, tolerance)
 
 
 def _diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None, seed: int
+    case: Case,
+    model: str | Stored | StoredNetwork | None,
+    seed: int,
+    tolerance: float,
 ) -> Diagnosis:
     clock = time.perf_counter()
     progress.stage("diagnosing")
@@ -156,6 +164,11 @@ def _diagnose(
     case = in_order(case)
     if seed < 0:
         raise InputError(f"seed is {seed}; allowed is a whole number from 0")
+    if not 0 < tolerance < 1:
+        raise InputError(
+            f"tolerance is {tolerance:g}; allowed is a fraction above 0 and below 1, "
+            "as 0.02 for 2 %"
+        )
     rng = np.random.default_rng(seed)
     model = case.model if model is None else model
     source, never = None, list[untaught.Stretch]()
@@ -169,7 +182,7 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    told = judge(base.start(counted(case, axes), model))
+    told = judge(base.start(counted(case, axes), model), tolerance)
     progress.part("the result", 0)
     learned = None
     if told.verdict == "unexplained":
