@@ -25,7 +25,6 @@ from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline
 from softnn.mismatch.candidates import (
     FIRST,
-    FORMS,
     LATER,
     SIZES,
     candidates,
@@ -46,9 +45,10 @@ MOST_FOLDS = (
 )
 IGNORED = 1e6  # times the usual deviation: hides a sample from the fit
 LEAST = 1e-3  # of the usual weight of a sample, in fits
+SHAPES = 2  # forms kept of a single effect; errors of prediction hardly tell more
 BEAM = (3, 2)  # beam width: candidates of one and of two effects that get one more
 FINALISTS = 5  # candidates of each size that are refitted without each fold
-REFITTED = 6  # iterations of such a refit
+REFITTED = 3  # iterations of such a refit
 ENOUGH = 3  # specimens or recordings to leave out in turn; fewer count less
 SAME = 0.01  # of a logarithm; the least gain of a further effect in a correction
 HARM = 0.05  # of a logarithm, by which the base may be better by chance
@@ -462,7 +462,7 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
         found.extend(mine)
         return ranked(mine)
 
-    one = grown(found[:1], FIRST, FORMS)
+    one = grown(found[:1], FIRST, SHAPES)
     two = grown(one[: BEAM[0]], LATER + 1, 1)
     grown(two[: BEAM[1]], LATER, 1)
     order = ranked(found)
