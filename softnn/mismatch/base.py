@@ -18,7 +18,8 @@ from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.case import Case, mask_failure, mask_gaps, thin, to_data
-from softnn.models.units import Units, build
+from softnn.models.base import Base
+from softnn.models.bases import build
 from softnn.noise import Noise, estimate
 from softnn.noise.windows import WINDOW
 
@@ -42,6 +43,11 @@ class Baseline:
     fixed: bool
     said: bool = False
 
+    @property
+    def has(self) -> frozenset[str]:
+        """Ids of effects that the base has; of a stored simulation nobody knows."""
+        return frozenset() if self.fixed else self.fit.guess.units.has
+
 
 def usable(case: Case, samples: int) -> Case:
     """Return the usable part of a case, at most about `samples` a recording."""
@@ -61,7 +67,7 @@ def start(case: Case, model: str | None = None) -> Baseline:
     return replace(found, said=bool(case.specimen) or case.history == "continued")
 
 
-def units_for(name: str, data: Data, segments: int = 16) -> Units:
+def units_for(name: str, data: Data, segments: int = 16) -> Base:
     low = min(float(c.strain.min()) for c in data.chunks)
     high = max(float(c.strain.max()) for c in data.chunks)
     scales = data.scales()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from softnn import readers
 from softnn.contracts import InputError, nearest
 from softnn.json_file import plain, write
-from softnn.models.units import BASES
+from softnn.models.bases import BASES
 from softnn.readers.arguments import add_options, options_of
 
 if TYPE_CHECKING:

@@ -18,10 +18,11 @@ from softnn.contracts import Array, InputError
 from softnn.fit import Fit
 from softnn.mismatch import base, untaught, written
 from softnn.mismatch.base import beyond, usable
-from softnn.mismatch.case import Case, check_case, check_model, in_order, to_data
+from softnn.mismatch.case import Case, check_case, in_order, to_data
 from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
 from softnn.model_file import Correction, Stored, from_dict, to_dict
+from softnn.models.bases import check
 from softnn.recording import Recording
 
 if TYPE_CHECKING:
@@ -160,7 +161,7 @@ def _diagnose(
     model = case.model if model is None else model
     source, never = None, list[untaught.Stretch]()
     if isinstance(model, str):
-        check_model(model)
+        check(model)
     elif model is not None:
         source = model.source
         case = replace(_simulated_by(case, model), model=None)

@@ -412,7 +412,7 @@ def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
     found = fit(engine, base.fit.guess, fixed_base=base.fixed)
     for piece in given:
         found = refine(engine, found, piece)
-    pool = candidates(engine, base.name, base.fixed, _own_forms(engine))
+    pool = candidates(engine, base.has, _own_forms(engine))
     for _ in range(SKETCHED):
         more = expand(engine, found, pool, LATER)
         found = min([found, *more], key=lambda f: f.chi2)
@@ -460,7 +460,7 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
     for piece in given:
         start = refine(engine, start, piece)
     judge = Judge(engine, start.guess, frozenset(p.effect.id for p in given))
-    pool = candidates(engine, base.name, base.fixed, _own_forms(engine))
+    pool = candidates(engine, base.has, _own_forms(engine))
     found = [judge.judged(start)]
 
     def grown(parents: Sequence[Candidate], most: int, forms: int) -> list[Candidate]:

@@ -2,9 +2,9 @@
 /* Springs in turn, straight between the knots and beyond them. */
 static double {p}_springs(double e)
 {
-    static const double knot[{n}] = {{knots}};
-    static const double at[{n}] = {{at}};
-    static const double slope[{n}] = {{slopes}};
+    static const double knot[{segments}] = {{knots}};
+    static const double at[{segments}] = {{at}};
+    static const double slope[{segments}] = {{slopes}};
     int low = 0, high = {last};
     while (low < high) {
         const int middle = (low + high + 1) / 2;
