@@ -152,7 +152,8 @@ def baseline(
     engine.fine = None if fine is None else Engine(fine)
     units = units_for(name, data)
     pieces = nuisance(data, groups)
-    found = fit(engine, Guess(units, np.zeros(units.columns), pieces))
+    starts = (Guess(u, np.zeros(u.columns), pieces) for u in units.starts())
+    found = min((fit(engine, one) for one in starts), key=lambda f: f.chi2)
     noise: list[Noise] = []
     for _ in range(2):
         noise = weigh(engine, found)

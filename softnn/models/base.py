@@ -70,10 +70,6 @@ class Base(ABC):
         return (self,)
 
     @abstractmethod
-    def finer(self, branches_too: bool = True) -> Self:
-        """Return the same base with more columns, or itself where it has no grid."""
-
-    @abstractmethod
     def only(self, branches: NDArray[np.integer]) -> Self:
         """Return the same base with these branches (indices) alone."""
 

@@ -6,16 +6,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from softnn.contracts import InputError, nearest
-from softnn.models import units
+from softnn.models import hyperelastic, units
 from softnn.models.base import Base
 
-BASES = units.BASES
+BASES = (*units.BASES, *hyperelastic.NAMES)
 LARGEST = 1e30  # larger numbers in a file are junk
 
 
 def check(name: str) -> None:
-    """Raise `InputError` unless `name` is a base."""
-    if name not in BASES:
+    """Raise `InputError` unless `name` is a base, its options included."""
+    if name.split(":")[0] in hyperelastic.NAMES:
+        hyperelastic.parsed(name)
+    elif name not in BASES:
         raise InputError(
             f"no model {name!r}{nearest(name, BASES)}; allowed: {', '.join(BASES)}, "
             "or a model.json"
@@ -32,6 +34,8 @@ def build(
 ) -> Base:
     """Return the base `name` over a range of strain and of time [s]."""
     check(name)
+    if name.split(":")[0] in hyperelastic.NAMES:
+        return hyperelastic.build(name, strain_low, strain_high, interval_s, duration_s)
     return units.build(name, strain_low, strain_high, interval_s, duration_s, segments)
 
 
@@ -41,6 +45,8 @@ def from_dict(given: Mapping[str, Any]) -> Base:
     if name not in BASES:
         raise InputError(f"no base {name!r}; allowed: {', '.join(BASES)}")
     times = tuple(number(t) for t in given["relaxation_times_s"])
+    if name in hyperelastic.NAMES:
+        return hyperelastic.from_dict(given, times)
     return units.Units(name, tuple(number(k) for k in given["knots"]), times)
 
 
