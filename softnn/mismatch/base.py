@@ -42,6 +42,7 @@ class Baseline:
     name: str  # the base, or "simulated"
     fixed: bool
     said: bool = False
+    notes: tuple[str, ...] = ()  # on the choice of the base, and on its stability
 
     @property
     def has(self) -> frozenset[str]:
@@ -158,7 +159,9 @@ def baseline(
     for _ in range(2):
         noise = weigh(engine, found)
         found = fit(engine, found.guess)
-    return Baseline(engine, found, noise, name, False)
+    return Baseline(
+        engine, found, noise, name, False, notes=found.guess.units.remarks()
+    )
 
 
 def given(

@@ -21,6 +21,7 @@ from softnn.contracts import InputError
 from softnn.database import Lock
 from softnn.mismatch.api import inferred, load_model, to_case
 from softnn.mismatch.case import Case
+from softnn.mismatch.families import AUTO
 from softnn.models.bases import BASES, check
 from softnn.readers import ReadOptions
 from softnn.readers.lacking import Lacking
@@ -179,7 +180,7 @@ def _diagnosed(job: Job) -> Outcome:
 
 def base(name: str) -> Any:
     """Return the name of a base, or a stored model. Raises `InputError`."""
-    if name in BASES:
+    if name in (*BASES, AUTO):
         return name
     if Path(name).suffix == ".json" or Path(name).exists():
         return load_model(name)

@@ -69,6 +69,10 @@ class Base(ABC):
         """Return the bases from which a fit starts; the best one counts."""
         return (self,)
 
+    def remarks(self) -> tuple[str, ...]:
+        """Return sentences that limit the trust in this base."""
+        return ()
+
     @abstractmethod
     def only(self, branches: NDArray[np.integer]) -> Self:
         """Return the same base with these branches (indices) alone."""

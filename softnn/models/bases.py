@@ -20,7 +20,7 @@ def check(name: str) -> None:
     elif name not in BASES:
         raise InputError(
             f"no model {name!r}{nearest(name, BASES)}; allowed: {', '.join(BASES)}, "
-            "or a model.json"
+            "auto, or a model.json"
         )
 
 

@@ -30,6 +30,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from softnn.contracts import Array, InputError, Parameter, increments
 from softnn.models.base import Base
@@ -392,7 +393,12 @@ LAWS: dict[str, Law] = {
         ),
     )
 }
-NAMES = tuple(f"{law}{series}" for law in LAWS for series in ("", PRONY))
+SAID = {
+    f"{law.name}{series}": law.said + also
+    for law in LAWS.values()
+    for series, also in (("", ""), (PRONY, " with a Prony series"))
+}
+NAMES = tuple(SAID)
 
 
 @dataclass(frozen=True)
@@ -400,7 +406,8 @@ class Hyper(Base):
     """A hyperelastic law over a range of strain, with relaxation times (branches,) s.
 
     `moduli` are those of an initial Young's modulus of 1 MPa. `poisson` is 0.5 for an
-    incompressible material; the terms of a foam have their own.
+    incompressible material; the terms of a foam have their own. With a ratio below 0.5
+    the modulus of 1 MPa is three times the shear modulus.
     """
 
     name: str
@@ -507,8 +514,7 @@ class Hyper(Base):
             return first ** -self.moduli[2]
         if self.poisson == 0.5 and not self.law.foam:
             return 1 / np.sqrt(first)
-        logs, sides = _sides(self.law_name, self.moduli, self.poisson)
-        return np.exp(np.interp(np.log(first), logs, sides))
+        return np.exp(_sides(self.law_name, self.moduli, self.poisson)(np.log(first)))
 
     def _driven(self, strain: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
         """Return what relaxes, and by what it counts in the stress, for E of 1 MPa."""
@@ -612,6 +618,16 @@ class Hyper(Base):
         low, high = (beyond * x for x in self.reach)
         return stable_range(self.law, self.moduli, low, high)
 
+    def remarks(self) -> tuple[str, ...]:
+        low, high = self.stable()
+        asked = max(BEYOND * self.reach[0], THINNEST - 1), BEYOND * self.reach[1]
+        only = "" if low <= asked[0] and high >= asked[1] else " only"
+        return (
+            f"Base {self.name}: stable{only} (Drucker) at strains from {low:.3g} to "
+            f"{high:.3g}; recorded: {self.reach[0]:.3g} to {self.reach[1]:.3g}, "
+            f"checked: {asked[0]:.3g} to {asked[1]:.3g}.",
+        )
+
 
 def stable_range(
     law: Law, moduli: Values, low: float, high: float
@@ -671,10 +687,10 @@ def bulk(young: float, poisson: float) -> float:
 
 
 @lru_cache(maxsize=64)
-def _sides(law_name: str, moduli: Values, poisson: float) -> tuple[Array, Array]:
-    """Return logarithms of stretches along, and of those of sides without stress."""
+def _sides(law_name: str, moduli: Values, poisson: float) -> CubicSpline:
+    """Return the logarithm of the stretch of sides without stress, by that along."""
     law = LAWS[law_name]
-    logs = np.linspace(np.log(THINNEST), np.log(30.0), GRID)
+    logs = np.log(THINNEST) * np.linspace(1, -1, GRID + 1)  # zero is among them
     first = np.exp(logs)
     low, high = -np.abs(logs) - 1e-9, np.abs(logs) + 1e-9
     for _ in range(60):
@@ -682,7 +698,7 @@ def _sides(law_name: str, moduli: Values, poisson: float) -> tuple[Array, Array]
         wide = np.exp(side)
         out = _kirchhoff(law, moduli, poisson, (first, wide, wide))[1] > 0
         high, low = np.where(out, side, high), np.where(out, low, side)
-    return logs, (low + high) / 2
+    return CubicSpline(logs, (low + high) / 2)
 
 
 def build(
