@@ -261,7 +261,6 @@ class Effect(ABC):
     some: bool = False  # a mistake in some recordings, hardly ever in most of them
     contains: tuple[str, ...] = ()  # ids of simpler laws that this one can become
     shape: tuple[str, ...] = ()  # at their defaults until the effect is chosen
-    part_of: tuple[str, ...] = ()  # bases that have it already
     scatter: bool = False  # a scale, by which specimens of one material differ
     unmoved: bool = False  # whether it is visible before the strain moves
     needs_temperature: bool = False

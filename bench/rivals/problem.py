@@ -14,7 +14,7 @@ from softnn.contracts import Array, Chunk
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import SEARCH, nuisance, units_for
 from softnn.mismatch.case import to_data
-from softnn.models.units import Units
+from softnn.models.base import Base
 
 MOST_FOLDS = 4
 STRETCHES = 4  # of a single recording, left out one at a time
@@ -76,7 +76,7 @@ def specimen_scales(data: Data, groups: Sequence[tuple[int, ...]]) -> list[float
 
 
 def least_squares(
-    data: Data, units: Units, pieces: Sequence[Piece] = (), iterations: int = 12
+    data: Data, units: Base, pieces: Sequence[Piece] = (), iterations: int = 12
 ) -> Fit:
     """Springs, branches and pieces by least squares in stress, all samples alike."""
     engine = Engine(data)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from softnn.bounded import innovations, whitened
 from softnn.contracts import Array, Chunk, Effect, Signal, increments
 from softnn.fit.point import Data, Guess, Piece, Slot, apart
-from softnn.models.units import Units
+from softnn.models.base import Base
 from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
 
 KEPT = 6  # most cached entries of strains that reached the model
@@ -155,7 +155,7 @@ class Engine:
         )
         return out if x.ndim == 2 else out[:, 0]
 
-    def columns(self, units: Units, r: int, chunk: Chunk, state: Any) -> Any:
+    def columns(self, units: Base, r: int, chunk: Chunk, state: Any) -> Any:
         """Spring columns, branch columns and the state at the end of recording r.
 
         Columns are stresses per unit stiffness, (n, segments) and (n, branches). They
@@ -175,11 +175,17 @@ class Engine:
         branch, inner = units.followed(decays, chunk, inner)
         out = (units.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner))
         if plain:
-            self._cache[key] = out
+            self._keep(key, out)
         return out
 
+    def _keep(self, key: Any, value: Any) -> None:
+        """Cache a value; bases with parameters of their own would fill it for ever."""
+        if len(self._cache) > 400:
+            self._cache.clear()
+        self._cache[key] = value
+
     def decays(
-        self, units: Units, r: int, time_s: Array, last: float | None = None
+        self, units: Base, r: int, time_s: Array, last: float | None = None
     ) -> tuple[Array, Array]:
         """Return decay and gain of the branches in recording r, each (n, branches).
 
@@ -188,13 +194,11 @@ class Engine:
         """
         key = (units.relaxation_times, r)
         if key not in self._cache:
-            if len(self._cache) > 400:
-                self._cache.clear()
-            self._cache[key] = units.decays(time_s, last)
+            self._keep(key, units.decays(time_s, last))
         found: tuple[Array, Array] = self._cache[key]
         return found
 
-    def inputs(self, units: Units, terms: Sequence[Term], every: Any) -> list[Input]:
+    def inputs(self, units: Base, terms: Sequence[Term], every: Any) -> list[Input]:
         """Signal that reaches the model in each recording, and its unit columns.
 
         `every` (terms, recordings) holds the values of the terms. The last few results
@@ -383,7 +387,7 @@ class Engine:
         return self._seen(change)
 
     def _borne(
-        self, units: Units, r: int, signal: Signal, stiffness: Array, carried: Carried
+        self, units: Base, r: int, signal: Signal, stiffness: Array, carried: Carried
     ) -> tuple[Array, Carried]:
         """Stress (n, sets) of the branches, and the state of their strains."""
         parts = signal.branch_parts or ((np.ones(1), signal.branch_strain),)
@@ -398,7 +402,7 @@ class Engine:
 
     def _part(
         self,
-        units: Units,
+        units: Base,
         r: int,
         signal: Signal,
         strain: Array,
@@ -418,8 +422,7 @@ class Engine:
         out = np.empty(strain.shape)
         states = []
         used = np.flatnonzero(stiffness)  # decays take most of the time
-        stiffness, times = stiffness[used], np.array(units.relaxation_times)[used]
-        units = replace(units, relaxation_times=tuple(times.tolist()))
+        stiffness, units = stiffness[used], units.only(used)
         for j in range(sets):
             one = slice(j, j + 1)
             own = None if state is None else (state[0][one], state[1][one])

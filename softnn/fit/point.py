@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk, Effect, Scales
 from softnn.metrics import weights
-from softnn.models.units import Units
+from softnn.models.base import Base
 from softnn.simulate import Term
 
 ONE_SIDED = 0.1  # share of the largest strain; less on the other side does not count
@@ -95,7 +95,7 @@ class Guess:
     Springs come first among the stiffnesses, then branches, in the order of `units`.
     """
 
-    units: Units
+    units: Base
     stiffness: Array
     pieces: tuple[Piece, ...] = ()
 
@@ -132,13 +132,13 @@ class Slot:
 def slots(guess: Guess) -> list[Slot]:
     """List the free parameters of a guess, without the stiffnesses.
 
-    They are the relaxation time of an SLS, then the free parameters of each effect, one
-    for each group of recordings where the parameter is per recording.
+    They are those of the base (`Base.nonlinear`), then the free parameters of each
+    effect, one for each group of recordings where the parameter is per recording.
     """
-    out = []
-    for j, time in enumerate(guess.units.relaxation_times):
-        if guess.units.name.endswith("sls"):
-            out.append(Slot(-1, str(j), None, True, time / 1e4, time * 1e4, time))
+    out = [
+        Slot(-1, p.name, None, p.scale == "log", p.low, p.high, abs(p.default) or 1.0)
+        for p in guess.units.nonlinear
+    ]
     for i, piece in enumerate(guess.pieces):
         for p in piece.effect.parameters:
             if p.name not in piece.free:
@@ -157,7 +157,7 @@ def slots(guess: Guess) -> list[Slot]:
 def get(guess: Guess, slot: Slot) -> float:
     """Return the value of a slot in a guess, in the unit of its parameter."""
     if slot.piece < 0:
-        return guess.units.relaxation_times[int(slot.name)]
+        return next(p.default for p in guess.units.nonlinear if p.name == slot.name)
     value = guess.pieces[slot.piece].values[slot.name]
     return float(value if slot.recordings is None else value[slot.recordings[0]])
 
@@ -168,21 +168,18 @@ def put(guess: Guess, where: Sequence[Slot], values: Sequence[float]) -> Guess:
     Values are in the units of the parameters; ranges are not checked.
     """
     pieces = [dict(p.values) for p in guess.pieces]
-    times = list(guess.units.relaxation_times)
+    base = dict[str, float]()
     for slot, value in zip(where, values, strict=True):
         if slot.piece < 0:
-            times[int(slot.name)] = value
+            base[slot.name] = value
         elif slot.recordings is None:
             pieces[slot.piece][slot.name] = value
         else:
             array = np.array(pieces[slot.piece][slot.name], float)
             array[list(slot.recordings)] = value
             pieces[slot.piece][slot.name] = array
-    units = guess.units
-    if tuple(times) != units.relaxation_times:
-        units = replace(units, relaxation_times=tuple(times))
     return Guess(
-        units,
+        guess.units.having(base) if base else guess.units,
         guess.stiffness,
         tuple(replace(p, values=v) for p, v in zip(guess.pieces, pieces, strict=True)),
     )

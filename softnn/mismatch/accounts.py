@@ -117,7 +117,7 @@ def search(
     effects leaves a discrepancy of more than `evident` nats a sample.
     """
     engine = base.engine
-    pool = candidates(engine, base.name, base.fixed, unknown)
+    pool = candidates(engine, base.has, unknown)
     progress.part("one effect", 2)
     base.fit, first = _first(base, pool)
     weigher = Weigher(engine, base.fit)

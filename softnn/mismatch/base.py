@@ -18,7 +18,8 @@ from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.case import Case, mask_failure, mask_gaps, thin, to_data
-from softnn.models.units import Units, build
+from softnn.models.base import Base
+from softnn.models.bases import build
 from softnn.noise import Noise, estimate, white
 from softnn.noise.windows import WINDOW
 
@@ -46,11 +47,17 @@ class Baseline:
     fixed: bool
     said: bool = False
     fewer: Engine | None = None
+    notes: tuple[str, ...] = ()  # on the choice of the base, and on its stability
 
     @property
     def coarse(self) -> Engine:
         """An engine with few samples of each recording."""
         return self.fewer or self.engine
+
+    @property
+    def has(self) -> frozenset[str]:
+        """Ids of effects that the base has; of a stored simulation nobody knows."""
+        return frozenset() if self.fixed else self.fit.guess.units.has
 
 
 def usable(case: Case, samples: int) -> Case:
@@ -71,7 +78,7 @@ def start(case: Case, model: str | None = None) -> Baseline:
     return replace(found, said=bool(case.specimen) or case.history == "continued")
 
 
-def units_for(name: str, data: Data, segments: int = 16) -> Units:
+def units_for(name: str, data: Data, segments: int = 16) -> Base:
     low = min(float(c.strain.min()) for c in data.chunks)
     high = max(float(c.strain.max()) for c in data.chunks)
     scales = data.scales()
@@ -177,13 +184,15 @@ def baseline(
     engine = Engine(data, fine=None if fine is None else Engine(fine))
     units = units_for(name, data)
     pieces = nuisance(data, groups)
-    found = fit(engine, Guess(units, np.zeros(units.columns), pieces))
+    starts = (Guess(u, np.zeros(u.columns), pieces) for u in units.starts())
+    found = min((fit(engine, one) for one in starts), key=lambda f: f.chi2)
     noise: list[Noise] = []
     for _ in range(2):
         noise = weigh(engine, found)
         found = fit(engine, found.guess)
     less = None if few is None else Engine(few)
-    return Baseline(engine, found, noise, name, False, fewer=less)
+    notes = found.guess.units.remarks()
+    return Baseline(engine, found, noise, name, False, fewer=less, notes=notes)
 
 
 def given(

@@ -20,8 +20,9 @@ import numpy as np
 from softnn.contracts import InputError
 from softnn.database import Lock
 from softnn.mismatch.api import inferred, load_model, to_case
-from softnn.mismatch.case import Case, check_model
-from softnn.models.units import BASES
+from softnn.mismatch.case import Case
+from softnn.mismatch.families import AUTO
+from softnn.models.bases import BASES, check
 from softnn.readers import ReadOptions
 from softnn.readers.lacking import Lacking
 from softnn.workers import workers
@@ -181,11 +182,11 @@ def _diagnosed(job: Job) -> Outcome:
 
 def base(name: str) -> Any:
     """Return the name of a base, or a stored model. Raises `InputError`."""
-    if name in BASES:
+    if name in (*BASES, AUTO):
         return name
     if Path(name).suffix == ".json" or Path(name).exists():
         return load_model(name)
-    check_model(name)
+    check(name)
     return name
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from softnn import readers
 from softnn.contracts import InputError, nearest
 from softnn.json_file import plain, write
-from softnn.models.units import BASES
+from softnn.models import hyperelastic, units
 from softnn.readers.arguments import add_options, options_of
 
 if TYPE_CHECKING:
@@ -40,9 +40,12 @@ def add_diagnose(commands: Any) -> None:
     parser.add_argument("--out", metavar="DIR", help="where the reports go")
     parser.add_argument(
         "--model",
-        metavar="|".join(BASES) + "|FILE",
-        help="the base (default: as the case says, else its simulated_MPa, "
-        "else pl-wiechert), or a model.json",
+        metavar="BASE|auto|FILE",
+        help=f"the base (default: as the case says, else its simulated_MPa, else "
+        f"pl-wiechert), or a model.json. Bases: {', '.join(units.BASES)}; the "
+        f"hyperelastic laws {', '.join(hyperelastic.LAWS)}, each alone or with "
+        "-prony. Options of these: yeoh-prony:shear, hyperfoam:nu=0.3. auto: the one "
+        "that predicts recordings left out best",
     )
     parser.add_argument(
         "--template",

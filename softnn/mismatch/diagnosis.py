@@ -16,13 +16,15 @@ from softnn import glance, progress
 from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
-from softnn.mismatch import base, untaught, written
-from softnn.mismatch.base import beyond, usable
-from softnn.mismatch.case import Case, check_case, check_model, in_order, to_data
+from softnn.mismatch import base, families, untaught, written
+from softnn.mismatch.base import Baseline, beyond, usable
+from softnn.mismatch.case import Case, check_case, in_order, to_data
 from softnn.mismatch.decision import TOLERANCE
 from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
 from softnn.model_file import Correction, Stored, from_dict, to_dict
+from softnn.models import hyperelastic
+from softnn.models.bases import check
 from softnn.recording import Recording
 
 if TYPE_CHECKING:
@@ -173,7 +175,8 @@ def _diagnose(
     model = case.model if model is None else model
     source, never = None, list[untaught.Stretch]()
     if isinstance(model, str):
-        check_model(model)
+        if model != families.AUTO:
+            check(model)
     elif model is not None:
         source = model.source
         case = replace(_simulated_by(case, model), model=None)
@@ -182,7 +185,8 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    told = judge(base.start(counted(case, axes), model), tolerance)
+    base_ = _start(counted(case, axes), model, axes.component)
+    told = judge(base_, tolerance)
     progress.part("the result", 0)
     learned = None
     if told.verdict == "unexplained":
@@ -215,6 +219,18 @@ def _diagnose(
         stress(told.before),
         stress(told.after),
     )
+
+
+def _start(case: Case, model: str | None, component: bool) -> Baseline:
+    """Return the best fit of the base; strains of a component are deflections."""
+    if model == families.AUTO:
+        return families.chosen(case, component)
+    if component and model is not None and model.split(":")[0] in hyperelastic.NAMES:
+        raise InputError(
+            f"model is {model!r}; a hyperelastic law needs strains, and these are "
+            "deflections: give --length and --area, or take --model pl-wiechert"
+        )
+    return base.start(case, model)
 
 
 def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:

@@ -401,7 +401,7 @@ def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
     found = fit(coarse, base.fit.guess, fixed_base=base.fixed)
     for piece in given:
         found = refine(coarse, found, piece)
-    pool = candidates(engine, base.name, base.fixed, _own_forms(base))
+    pool = candidates(engine, base.has, _own_forms(base))
     for _ in range(SKETCHED):
         more = expand(coarse, found, pool, LATER)
         found = min([found, *more], key=lambda f: f.chi2)
@@ -448,7 +448,7 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
         start = refine(coarse, start, piece)
     own = frozenset(p.effect.id for p in given)
     judge = Judge(coarse, start.guess, own)
-    pool = candidates(engine, base.name, base.fixed, _own_forms(base))
+    pool = candidates(engine, base.has, _own_forms(base))
     found = [judge.judged(start)]
 
     def grown(parents: Sequence[Candidate], most: int, forms: int) -> list[Candidate]:

@@ -65,7 +65,7 @@ def diagnosis(
         "summary": "",
         "answer": {},
         "recordings": _recordings(whole, told),
-        "notes": _notes(whole),
+        "notes": [*_notes(whole), *told.base.notes],
         "selected": told.names,
         "noise": _noise(told, axes),
         "mismatch": _regions(told, axes, rng),
