@@ -288,7 +288,8 @@ def test_a_class_counts_as_a_name():
     rows = [
         plain,
         # One of the class is no news; the right class is found, the wrong one false.
-        Row("s", "g", "fault", "b", **lag, selected=["finite_strain"], classes=[either]),
+        Row("s", "g", "fault", "b", **lag, selected=["finite_strain"],
+            classes=[either]),
         Row("s", "g", "fault", "b", **lag, selected=["sensor_lag", "slack"],
             probability={"sensor_lag": 0.95, "slack": 0.6}),
         Row("s", "g", "fault", "b", **lag,

@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -118,12 +119,12 @@ def slack(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Value
     quiet = noise(recording.stress_MPa) * np.random.default_rng(len(time)).normal(
         size=len(lead)
     )
-    begun = {
+    begun: dict[str, Any] = {
         "time_s": lead,
         "strain": recording.strain[0] + way * gap * lead / to_close,
         "stress_MPa": recording.stress_MPa[0] + quiet,
     }
-    after = {
+    after: dict[str, Any] = {
         "time_s": time - time[0] + to_close,
         "strain": recording.strain + way * gap,
         "stress_MPa": recording.stress_MPa,
@@ -131,8 +132,9 @@ def slack(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Value
     if recording.temperature_C is not None:
         begun["temperature_C"] = np.full(len(lead), recording.temperature_C[0])
         after["temperature_C"] = recording.temperature_C
+    joined: dict[str, Any] = {k: np.concatenate([begun[k], after[k]]) for k in after}
     return Recording(
-        **{k: np.concatenate([begun[k], after[k]]) for k in after},
+        **joined,
         name=recording.name,
         specimen=recording.specimen,
         test=recording.test,

@@ -1,4 +1,4 @@
-"""What a fit gains that knows which fault was made, by which law and in what recordings.
+"""What a fit gains that knows which fault was made, and in what recordings.
 
 Nobody can find a fault whose true law predicts no better than the same effects without
 it. So for each copy with a made fault two fits are compared: the effects that the
@@ -47,7 +47,7 @@ class Drying(Effect):
     stage = "sensor"
     ports = ("stress",)
     parameters = (Parameter("rate_per_s", "1/s", -1e3, 1e3, 1e-3, meaning="rate"),)
-    off = {"rate_per_s": 0.0}
+    off: Mapping[str, float] = {"rate_per_s": 0.0}
     amplitude = "rate_per_s"
 
     def after(self, p, signal, state):
@@ -192,14 +192,15 @@ def errors(
     Columns are sums of squares of error and of stress. All of softnn's judging by
     prediction that this study needs is in here.
     """
-    prediction.weigh_alike(engine)
+    engine = prediction.alike(engine)
     found = fit(engine, guess)
     judge = prediction.Judge(engine, found.guess)
     many = len(judge.folds.every) >= FEWEST and len(engine.chunks) > 1
     if those or not many:
         cut = stretches(engine, those or range(len(engine.chunks)), since)
         every = tuple(prediction.Fold("stretch", rows, ()) for rows in cut)
-        squares = np.array([np.sum(engine.target[rows] ** 2) for rows in cut])
+        whole = engine.share * engine.target**2
+        squares = np.array([np.sum(whole[rows]) for rows in cut])
         judge.folds = prediction.Folds(every, np.maximum(squares, 1e-300))
     told = judge.judged(found, refit=True)
     return np.column_stack([told.errors, told.folds.squares])
@@ -239,8 +240,7 @@ def scales(engine: Engine, guess: Guess, odd: int) -> Gain:
 
     In logarithms; the scatter is that of a new sibling about their mean.
     """
-    prediction.weigh_alike(engine)
-    found = fit(engine, guess).guess
+    found = fit(prediction.alike(engine), guess).guess
     piece = next(p for p in found.pieces if p.nuisance)
     log = np.log1p(np.asarray(piece.values[piece.effect.amplitude], float))
     rest = np.delete(log, odd)

@@ -24,6 +24,7 @@ where too few samples tell the branch, or where the stress does not rise all alo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -80,7 +81,8 @@ class Ramp:
         on = np.maximum.accumulate(self.way * strain)
         good = np.isfinite(stress) & np.append(True, np.diff(on) > 0)
         # Where nothing was measured, nothing can be taken.
-        self.x, self.y = (on[good], stress[good]) if good.any() else np.zeros((2, 1))
+        self.x: Array = on[good] if good.any() else np.zeros(1)
+        self.y: Array = stress[good] if good.any() else np.zeros(1)
         reach = min(most, float(np.ptp(self.x))) if len(self.x) > 1 else 0.0
         self.low = self._slope(self.x[0], self.x[0] + reach) if reach else 0.0
         self.high = self._slope(self.x[-1] - reach, self.x[-1]) if reach else 0.0
@@ -176,9 +178,7 @@ def segments(time: Array, strain: Array) -> list[Segment]:
         cuts = {c for c in cuts if not first < c < last} | {first, last}
     order = sorted(cuts)
     still = {first for first, _ in held}
-    return [
-        Segment(a, b, a in still) for a, b in zip(order[:-1], order[1:], strict=True)
-    ]
+    return [Segment(a, b, a in still) for a, b in pairwise(order)]
 
 
 def _turns(strain: Array, back: float) -> list[int]:
@@ -204,7 +204,7 @@ def _held(time: Array, strain: Array, band: float) -> list[tuple[int, int]]:
             edges.append(i)
             first = i
     edges.append(len(strain) - 1)
-    stays = [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
+    stays = [(a, b) for a, b in pairwise(edges) if b > a]
     took = np.array([time[b] - time[a] for a, b in stays])
     usual = float(np.median(took))
     out: list[tuple[int, int]] = []
