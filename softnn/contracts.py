@@ -91,6 +91,15 @@ class Parameter:
     meaning: str = ""
     per_strain: int = 0  # power of strain it is divided by: -1 is a strain itself
 
+    @property
+    def per_stress(self) -> int:
+        """Power of stress that it is divided by: -1 is a stress itself.
+
+        >>> Parameter("drift", "MPa/s", 0, 1, 0).per_stress
+        -1
+        """
+        return ("1/MPa" in self.unit) - ("MPa" in self.unit.replace("1/MPa", ""))
+
     def check(self, value: ArrayLike) -> None:
         """Raise `InputError` unless every entry of `value` is within [low, high]."""
         values = np.atleast_1d(np.asarray(value, dtype=float))

@@ -47,6 +47,12 @@ class Correction:
         known = self.network.predict(np.clip(x, inputs.low, inputs.high))
         return np.clip(known, target.low, target.high)
 
+    def with_stress(self, one: float) -> Correction:
+        """Return the correction in MPa, if a stress of `one` MPa counted as 1."""
+        target = self.network.target
+        wider = replace(target, low=one * target.low, high=one * target.high)
+        return Correction(self.features, replace(self.network, target=wider))
+
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; `from_dict` takes it back."""
         return {"features": list(self.features), "network": self.network.to_dict()}

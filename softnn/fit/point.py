@@ -103,6 +103,21 @@ class Guess:
         return [p.term() for p in self.pieces]
 
 
+def with_stress(guess: Guess, one: float) -> Guess:
+    """Return the guess in MPa, if a stress of `one` MPa counted as 1 in the fit."""
+
+    def value(piece: Piece, name: str, found: Any) -> Any:
+        law = piece.effect
+        power = next(p.per_stress for p in law.parameters if p.name == name)
+        return found * one**-power if power else found
+
+    pieces = (
+        replace(p, values={k: value(p, k, v) for k, v in p.values.items()})
+        for p in guess.pieces
+    )
+    return Guess(guess.units, one * guess.stiffness, tuple(pieces))
+
+
 @dataclass(frozen=True)
 class Slot:
     """One free parameter of a guess beside its stiffnesses; piece -1 is the base.

@@ -13,9 +13,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from softnn import glance, progress
-from softnn.axes import Axes, common
+from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
+from softnn.fit.point import with_stress
 from softnn.mismatch import base, families, untaught, written
 from softnn.mismatch.base import Baseline, beyond, usable
 from softnn.mismatch.case import Case, check_case, in_order, to_data
@@ -202,7 +203,13 @@ def _diagnose(
     names, fixed = shown.data.names, told.base.fixed
 
     def stored(one: Fit, extra: Correction | None = None) -> dict[str, Any]:
-        return to_dict(one.guess, names, case.history, fixed, extra, source, axes)
+        if axes.component:
+            known = one.guess, extra, axes
+        else:
+            own = extra and extra.with_stress(axes.stress.one)
+            known = with_stress(one.guess, axes.stress.one), own, SPECIMEN
+        guess, added, units = known
+        return to_dict(guess, names, case.history, fixed, added, source, units)
 
     def stress(one: Fit) -> list[Array]:
         found = shown.by_recording(shown.run(one.guess, False)[0])
@@ -245,10 +252,16 @@ def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
 
 
 def _axes(case: Case) -> Axes:
-    """Return the axes of a case; a component gets round numbers of its units as 1."""
+    """Return the axes of a case, with what counts as 1 in fits.
+
+    That is the largest stress of specimens, so no answer depends on the unit of stress;
+    and round numbers of the units of a component.
+    """
     axes = common({r.name: r.axes for r in case.recordings})
     if not axes.component:
-        return axes
+        every = [np.nanmax(np.abs(r.stress_MPa), initial=0.0) for r in case.recordings]
+        largest = float(max(every)) or 1.0
+        return replace(axes, stress=replace(axes.stress, one=largest))
     strain = max(float(np.nanmax(np.abs(r.strain))) for r in case.recordings)
     stress = max(float(np.nanmax(np.abs(r.stress_MPa))) for r in case.recordings)
     return axes.counted(strain, stress)
