@@ -64,7 +64,7 @@ def floor(engine: Engine, guess: Guess, specimens: bool) -> Floor | None:
             errors += float(rows[-1] @ rows[-1])
             squares += float(share @ measured[i] ** 2)
         freedom += independent(np.array(rows))
-    if not (squares > 0 and freedom > 0):
+    if not squares > 0:
         return None
     nrmse = float(np.sqrt(errors / squares))
     low, high = _interval(max(freedom, 1.0))
