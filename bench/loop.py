@@ -64,29 +64,34 @@ SMOKE = (3, 150)  # recordings, samples
 
 def random_programme(seconds: float, reach: Array, rng: np.random.Generator) -> Any:
     """Corners (time, strain): levels within `reach` and times at random, from zero."""
-    levels = np.concatenate([[0.0], rng.uniform(*reach, LEVELS), [0.0]])
+    low, high = reach
+    levels = np.concatenate([[0.0], rng.uniform(low, high, LEVELS), [0.0]])
     levels[1 + int(rng.integers(LEVELS))] = max(reach, key=abs)
     times = np.sort(rng.uniform(0.0, seconds, LEVELS))
     return np.concatenate([[0.0], times, [seconds]]), levels
 
 
-def programmes(plan: Plan, case: Case, rng: np.random.Generator) -> dict[str, Any]:
-    """Time and strain (n,) of each recording that may be added, by arm."""
+Ways = dict[str, tuple[Array, Array, Array | None]]
+
+
+def programmes(plan: Plan, case: Case, rng: np.random.Generator) -> Ways:
+    """Time, strain and temperature (n,) of each recording that may be added, by arm."""
     time, strain = plan.time_s, plan.strain
     reach = np.array([plan.among.known.low, plan.among.known.high])
     longest = max(case.recordings, key=lambda r: float(r.time_s[-1] - r.time_s[0]))
-    out = {"asked": (time, strain)}
+    assert plan.programme is not None
+    out: Ways = {"asked": (time, strain, plan.programme.degC)}
     at, levels = random_programme(float(time[-1]), reach, rng)
-    out["random"] = time, np.interp(time, at, levels)
+    out["random"] = time, np.interp(time, at, levels), None
     good = np.isfinite(longest.strain)
     own = longest.time_s[good] - longest.time_s[good][0], longest.strain[good]
     even = np.linspace(0.0, float(own[0][-1]), len(time))
-    out["repeat"] = even, np.interp(even, *corners(*own))
+    out["repeat"] = even, np.interp(even, *corners(*own)), None
     told = effect(plan.separates[0]).telltale()
     size = float(np.abs(told.strain).max())
     scaled = max(reach, key=abs) / size * told.strain
     even = np.linspace(float(told.time_s[0]), float(told.time_s[-1]), len(time))
-    out["telltale"] = even - even[0], np.interp(even, told.time_s, scaled)
+    out["telltale"] = even - even[0], np.interp(even, told.time_s, scaled), None
     return out
 
 
@@ -154,11 +159,11 @@ def trial(
     rng = np.random.default_rng([seed, index])
     ways = programmes(plan, case, rng)
     for arm in arms:
-        time, strain = ways[arm]
-        stress = again.record(drawn, time, strain, rng)
+        time, strain, degC = ways[arm]
+        stress = again.record(drawn, time, strain, rng, degC)
         warm = None
         if drawn.temperature:
-            warm = np.full(len(time), drawn.setup.rest_C)
+            warm = np.full(len(time), drawn.setup.rest_C) if degC is None else degC
         new = Recording(time, strain, stress, warm, name=NEW)
         row["arms"][arm] = outcome(diagnose(with_recording(case, new)), true)
     return row

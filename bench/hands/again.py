@@ -19,13 +19,15 @@ def can_record(case: Case) -> bool:
     return not case.setup.continued and not BOUND & {law.effect for law in case.laws}
 
 
-def record(case: Case, time_s: Array, strain: Array, rng: Rng) -> Array:
+def record(
+    case: Case, time_s: Array, strain: Array, rng: Rng, degC: Array | None = None
+) -> Array:
     """Stress (n,) over strain (n,) of a fresh specimen of the mean kind, MPa.
 
-    Faults of single recordings do not happen again. The temperature is that of the
-    room, and the noise has the usual level of the case.
+    Faults of single recordings do not happen again. `degC` (n,) is the temperature, by
+    default that of the room. The noise has the usual level of the case.
     """
-    warmth = np.full(len(time_s), case.setup.rest_C)
+    warmth = np.full(len(time_s), case.setup.rest_C) if degC is None else degC
     rate = 1 / float(np.median(np.diff(time_s)))
     course = Course("asked", rate, time_s, strain, warmth)
     courses = [*case.setup.courses[: case.setup.n], course]

@@ -160,7 +160,11 @@ class Plan:
             "programme": {
                 "time_s": self.time_s[keep].tolist(),
                 "strain": self.strain[keep].tolist(),
-                **({} if p.degC is None else {"temperature_C": p.degC}),
+                **(
+                    {}
+                    if p.degC is None
+                    else {"temperature_C": p.degC[p.scored :][keep].tolist()}
+                ),
             },
             "why": "softening, set, friction and others differ on unloading, on "
             "reloading and in a hold, and the recordings so far show too little of "
@@ -559,7 +563,7 @@ def write(plan: Plan | None, folder: Path) -> Path | None:
         plan.among.axes.strain.column: plan.strain,
     }
     if plan.programme.degC is not None:
-        columns["temperature_C"] = np.full(len(plan.time_s), plan.programme.degC)
+        columns["temperature_C"] = plan.programme.degC[plan.programme.scored :]
     write_table(path, columns)
     return path
 

@@ -226,7 +226,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Programme:
-    """A recording to make: its label, and time in s, strain (n,), temperature in degC.
+    """A recording to make: its label, and time in s, strain and degC (n,) or None.
 
     Samples from `scored` on are recorded; earlier ones are what the specimen has gone
     through. `kind` is "programme", or a cheap one: "repeat" (another specimen), "twice"
@@ -236,15 +236,14 @@ class Programme:
     label: str
     time_s: Array
     strain: Array
-    degC: float | None = None
+    degC: Array | None = None
     kind: str = "programme"
     scored: int = 0
 
     @property
     def chunk(self) -> Chunk:
         """The strain history."""
-        warm = None if self.degC is None else np.full(len(self.time_s), self.degC)
-        return Chunk(self.time_s, self.strain, warm)
+        return Chunk(self.time_s, self.strain, self.degC)
 
     @property
     def seconds(self) -> float:
@@ -379,14 +378,18 @@ class Library:
                     f"{at}",
                     loops(y, x, y, x),
                 )
-            if self.degC is not None and self.known.degC is not None:
-                for degC in self.known.degC:
-                    if abs(degC - self.degC) > WARM:
-                        yield self._made(
-                            f"load to {top} and back, twice, {at} and {degC:.3g} degC",
-                            loops(x, x),
-                            degC=degC,
-                        )
+            if self.known.degC is not None and np.ptp(self.known.degC) > WARM:
+                cold, warm = self.known.degC
+                made = self._held(
+                    f"load to {top} {at}, hold for {{}} as the temperature goes from "
+                    f"{cold:.3g} to {warm:.3g} degC, unload, wait as long",
+                    [(x, r), None, (0.0, r), None],
+                )
+                if made is not None:
+                    up, down = np.flatnonzero(made.strain == x)[[0, -1]]
+                    ends = made.time_s[[up, down]]
+                    degC = np.interp(made.time_s, ends, self.known.degC)
+                    yield replace(made, degC=degC)
         a, b = self.fast, self.slow
         quarters = [x / 4, x / 2, 3 * x / 4, x]
         way = [*quarters, *quarters[2::-1], 0.0]
@@ -430,15 +433,12 @@ class Library:
 
     # -- how a programme is made -------------------------------------------------------
 
-    def _made(
-        self, label: str, moves: Moves, degC: float | None = None
-    ) -> Programme | None:
+    def _made(self, label: str, moves: Moves) -> Programme | None:
         """Return the programme of these moves; None if it takes too long."""
         time, strain = _path(moves)
         if time[-1] > self.most_s * (1 + 1e-9):
             return None
-        made = self._sampled(label, time, strain)
-        return made if degC is None else replace(made, degC=degC)
+        return self._sampled(label, time, strain)
 
     def _held(
         self, label: str, moves: Sequence[tuple[float, float] | None]
@@ -471,7 +471,8 @@ class Library:
         grid = np.unique(np.concatenate([even, own]))
         if (np.diff(time) <= 0).any():
             time = time + np.linspace(0.0, STEP * span, len(time))
-        return Programme(label, grid, np.interp(grid, time, strain), self.degC, kind)
+        warm = None if self.degC is None else np.full(len(grid), self.degC)
+        return Programme(label, grid, np.interp(grid, time, strain), warm, kind)
 
     def _after(self, programme: Programme) -> Programme:
         """Return the programme behind all recordings, if these continue one another."""
@@ -483,11 +484,15 @@ class Library:
             strains.append(course.strain)
             clock += course.seconds + self.known.interval_s
         before, gone = np.concatenate(times), np.concatenate(strains)
+        warm = programme.degC
         rest = abs(float(gone[-1])) / self.slow + self.known.interval_s
         return replace(
             programme,
             time_s=np.concatenate([before, programme.time_s + clock + rest]),
             strain=np.concatenate([gone, programme.strain]),
+            degC=None
+            if warm is None
+            else np.append(np.full(len(gone), self.degC), warm),
             scored=len(before),
         )
 

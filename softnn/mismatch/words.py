@@ -326,7 +326,8 @@ def record(advice: Mapping[str, Any], result: Result) -> str:
     purpose = _purpose(advice["separates"], result)
     if advice["programme"] is None:
         return f"Use any of the models that are left: {advice['why']}."
-    text = f"{purpose}record: {advice['strain_programme']} (next_recording.csv)."
+    asked = f"{purpose}record: {advice['strain_programme']} (next_recording.csv)."
+    text = opened(asked)
     if advice["expected"] is None:
         return text
     text += f" {promise(advice['expected'])}"
