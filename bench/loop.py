@@ -32,9 +32,9 @@ from softnn.contracts import Array, InputError
 from softnn.database import Store
 from softnn.effects import effect
 from softnn.mismatch.case import Case, read_case
+from softnn.mismatch.compare import LIKELY, SURE
 from softnn.mismatch.diagnosis import Diagnosis, diagnose
 from softnn.mismatch.plan import Alternatives, Plan
-from softnn.mismatch.posterior import SURE
 from softnn.mismatch.programmes import Programme, corners
 from softnn.readers.tidy import data_folder
 from softnn.recording import Recording, data_hash
@@ -106,23 +106,30 @@ def with_recording(case: Case, new: Recording) -> Case:
 # --- what came of it ------------------------------------------------------------------
 
 
-def outcome(found: Diagnosis, true: Sequence[str]) -> dict[str, Any]:
-    """What a diagnosis says, held against the truth.
+def outcome(
+    found: Diagnosis, true: Sequence[str], asked: Sequence[str] = ()
+) -> dict[str, Any]:
+    """What a diagnosis says, held against the truth; `asked` are the effects in doubt.
 
-    *Settled*: every name has 0.9 or more, or that nothing is missing has. *Right*:
-    settled, and every name is true. *Wrong*: a name of 0.9 or more is false.
+    *Settled*: one of these, or a class of laws with one, has 0.9 or more, or all have
+    less than 0.1. *Right*: settled, and that is true. *Wrong*: a name or class of 0.9
+    or more is false. A class is true if one of its laws is there.
     """
     chance = found.probability
-    names = sorted(found.selected)
-    sure = [n for n in names if chance[n] >= SURE]
-    nothing = found.result["probabilities"]["nothing"] >= SURE
-    settled = (bool(names) and sure == names) or (not names and nothing)
-    false = [n for n in sure if n not in true]
+    sure = [(n,) for n in found.selected if chance[n] >= SURE]
+    sure += [tuple(c["members"]) for c in found.result["classes"]]
+    none = all(chance.get(n, 0.0) < LIKELY for n in asked)
+    told = [s for s in sure if set(s) & set(asked)]
+    false = [s for s in sure if not set(s) & set(true)]
+    right = not false and (bool(told) or not set(asked) & set(true))
+    settled = bool(told) or none
     return {
         "verdict": found.verdict,
-        "names": {n: chance[n] for n in names},
+        "names": {n: chance[n] for n in sorted(found.selected)},
+        "sure": sorted(" or ".join(s) for s in sure),
+        "error": found.result["fit"]["after"]["heldout_nrmse"],
         "settled": settled,
-        "right": settled and not false and (bool(names) or not true),
+        "right": settled and right,
         "wrong": bool(false),
         "data": data_hash(found.case.recordings),
     }
@@ -165,7 +172,8 @@ def trial(
         if drawn.temperature:
             warm = np.full(len(time), drawn.setup.rest_C) if degC is None else degC
         new = Recording(time, strain, stress, warm, name=NEW)
-        row["arms"][arm] = outcome(diagnose(with_recording(case, new)), true)
+        found = diagnose(with_recording(case, new))
+        row["arms"][arm] = outcome(found, true, plan.separates)
     return row
 
 
@@ -224,9 +232,10 @@ def choice(group: Group) -> dict[str, Any]:
     other = rest[int(rng.integers(len(rest)))]
     for arm, i in (("asked", chosen), ("random", other)):
         more = diagnose(group.case([*every[0], i]))
-        row["arms"][arm] = outcome(more, true) | {"recording": group.recordings[i].name}
-    whole = diagnose(group.case())
-    row["arms"]["all"] = outcome(whole, true)
+        row["arms"][arm] = outcome(more, true, left.open) | {
+            "recording": group.recordings[i].name
+        }
+    row["arms"]["all"] = outcome(diagnose(group.case()), true, left.open)
     return row
 
 

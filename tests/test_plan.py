@@ -12,9 +12,10 @@ from softnn.cli import main
 from softnn.contracts import InputError
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
+from softnn.metrics import weights
 from softnn.mismatch import plan
+from softnn.mismatch.compare import FLOOR, SURE, shares
 from softnn.mismatch.plan import Alternative, Alternatives
-from softnn.mismatch.posterior import SURE
 from softnn.mismatch.programmes import Library, Limits, Programme, corners, recorded
 from softnn.model_file import from_dict, to_dict
 from softnn.models.units import Units
@@ -46,11 +47,12 @@ SETS = ("permanent_set", {"ratio": 0.2})
 DRIFTS = ("load_cell_drift", {"drift_MPa_per_s": 1e-3})
 
 
-def among(*models, known=None, share=None, error=ERROR, **more):
+def among(*models, known=None, share=None, error=ERROR, folds=None, **more):
     share = share or [1 / len(models)] * len(models)
+    folds = np.zeros((len(models), 0)) if folds is None else folds
     sets = [
-        Alternative(frozenset(p.effect.id for p in m.pieces), p, error, m)
-        for m, p in zip(models, share, strict=True)
+        Alternative(frozenset(p.effect.id for p in m.pieces), p, error, m, f)
+        for m, p, f in zip(models, share, folds, strict=True)
     ]
     known = known or limits_of(RAMP)
     return Alternatives(tuple(sets), known, models[0].axes, 0.0, **more)
@@ -66,11 +68,13 @@ def made(levels, rate=0.05, kind="programme"):
 
 def test_distance_is_that_of_least_squares():
     left = among(stored(), stored(DRIFTS))
-    a, b = left.stress(made([0, 0.5, 0]))
+    programme = made([0, 0.5, 0])
+    share = weights(programme.time_s, programme.strain)
+    a, b = left.stress(programme)
     mean = (a + b) / 2
-    a, b = (y * (mean @ mean) / (y @ mean) for y in (a, b))
-    expected = np.sqrt(np.mean((a - b) ** 2) / np.mean(mean**2))
-    score = left.score(made([0, 0.5, 0]))
+    a, b = (y * (share * mean @ mean) / (share * y @ mean) for y in (a, b))
+    expected = np.sqrt(share @ (a - b) ** 2 / (share @ mean**2))
+    score = left.score(programme)
     assert score.apart[0, 1] == pytest.approx(expected, rel=1e-12)
     # The stress of the drift itself: 1 kPa/s over the programme.
     plain, drifted = score.stress
@@ -111,28 +115,64 @@ def test_predictions_far_apart_settle_everything():
 
 def test_predictions_that_agree_settle_nothing():
     left = among(stored(SOFTENS), stored(SETS), share=[0.6, 0.4])
-    same = np.zeros((2, 2))
-    after = left._after(same, np.full(2, ERROR))
+    after = left._after(np.zeros((2, 2)), np.full(2, ERROR), np.zeros(2))
     np.testing.assert_allclose(after, np.broadcast_to([0.6, 0.4], after.shape))
     assert not left.settled(after).any()
 
 
 @pytest.mark.parametrize("apart", [0.5, 2.0, 8.0])
 def test_odds_grow_by_the_logarithm_of_the_error(apart):
-    """Without scatter: E log odds = K E log(r_j / r_i), by quadrature for one draw."""
+    """Beside a Monte Carlo integral of its own: E log odds = K E log(r_j / r_i)."""
     left = among(stored(SOFTENS), stored(SETS))
     place = np.array([[0.0, 0.0], [apart * ERROR, 0.0]])
-    after = left._after(place, np.full(2, ERROR))
+    after = left._after(place, np.full(2, ERROR), np.full(2, 0.3))
     odds = np.log(after[0, :, 0] / after[0, :, 1])
     rng = np.random.default_rng(5)
-    swing = ERROR * np.exp(plan.SCATTER * rng.standard_normal(200_000))
+    size = ERROR * np.exp(0.3 * rng.standard_normal(200_000))
     parts = rng.standard_normal((200_000, plan.INDEPENDENT)) / plan.INDEPENDENT**0.5
-    own = (parts**2).sum(axis=1) * swing**2 + plan.FLOOR**2
-    other = own + 2 * parts[:, 0] * swing * apart * ERROR + (apart * ERROR) ** 2
-    expected = 0.5 * plan.WORTH * np.log(other / own)
+    own = (parts**2).sum(axis=1) * size**2
+    other = own + 2 * parts[:, 0] * size * apart * ERROR + (apart * ERROR) ** 2
+    own, other = np.sqrt(own) + FLOOR, np.sqrt(other) + FLOOR
+    expected = plan.WORTH * np.log(other / own)
     # The mean of 300 draws has a standard error.
     se = expected.std() / plan.DRAWS**0.5
     assert odds.mean() == pytest.approx(expected.mean(), abs=4 * se)
+
+
+def test_where_prediction_decides_a_recording_is_one_more_fold():
+    folds = np.array([[0.02, 0.03, 0.025], [0.03, 0.04, 0.04]])
+    left = among(stored(SOFTENS), stored(SETS), folds=folds)
+    far = np.array([[0.0, 0.0], [1.0, 0.0]])  # so far that its error hardly counts
+    after = left._after(far, np.full(2, ERROR), np.zeros(2))
+    new = np.array([[ERROR], [1.0]])
+    expected = shares(np.concatenate([folds, new], axis=1), np.ones(2))
+    assert after[0].mean(axis=0) == pytest.approx(expected, abs=0.02)
+    # On three specimens it is three more folds.
+    after = left._after(far, np.full(2, ERROR), np.zeros(2), 3)
+    expected = shares(np.concatenate([folds, *[new] * 3], axis=1), np.ones(2))
+    assert after[0].mean(axis=0) == pytest.approx(expected, abs=0.02)
+
+
+def test_more_specimens_are_asked_for_where_one_does_not_settle_it():
+    folds = np.array([[0.02, 0.03, 0.025], [0.02, 0.03, 0.025]])
+    found = among(stored(SOFTENS), stored(SETS), folds=folds).plan()
+    one = found.among.score(found.programme)
+    assert found.specimens == plan.MOST_SPECIMENS
+    assert found.score.sure > one.sure
+    sharp = among(stored(SOFTENS), stored(SETS), error=1e-4).plan()
+    assert sharp.specimens == 1
+
+
+def test_two_recordings_make_no_name_sure():
+    folds = np.array([[0.001, 0.001], [0.1, 0.1]])
+    programme = made([0, 0.5, 0, 0.5, 0])
+    one, two = (
+        among(stored(SOFTENS), stored(SETS), known=limits_of(*[RAMP] * n), folds=folds)
+        for n in (1, 2)
+    )
+    assert one.score(programme).sure == 0
+    assert two.score(programme).sure > 0.5
+    assert one.score(programme, 2).sure > 0.5
 
 
 def test_larger_errors_of_the_models_or_of_replicates_make_less_sure():
@@ -144,15 +184,22 @@ def test_larger_errors_of_the_models_or_of_replicates_make_less_sure():
     assert floor.sure == pytest.approx(large.sure)
 
 
-def test_a_name_is_settled_at_0_9():
+def test_a_question_is_settled_at_0_9_or_when_nothing_is_likely():
     left = among(stored(SOFTENS), stored(SOFTENS, SETS), stored())
     low, high = SURE - 0.001, SURE + 0.001
+    assert left.open == ["mullins_softening", "permanent_set"]
     assert left.settled(np.array([high, 0.0, 1 - high]))
     assert not left.settled(np.array([low, 0.0, 1 - low]))
-    assert not left.settled(np.array([0.45, 0.55, 0.0]))  # softening is, set is not
-    assert left.settled(np.array([0.55, 0.45, 0.0]))
-    assert left.settled(np.array([0.0, 1 - high, high]))  # nothing is missing
-    assert left.open == ["mullins_softening", "permanent_set"]
+    assert left.settled(np.array([0.45, 0.55, 0.0]))  # softening is there
+    assert left.settled(np.array([0.0, 1 - high, high]))  # neither is
+
+
+def test_what_is_sure_already_is_not_asked():
+    left = among(stored(SOFTENS), stored(SOFTENS, SETS))
+    assert left.open == ["permanent_set"]
+    assert not left.settled(np.array([0.6, 0.4]))
+    assert left.settled(np.array([0.95, 0.05]))  # no set
+    assert left.plan().separates == ["permanent_set"]
 
 
 def test_one_model_leaves_nothing_to_tell():
@@ -304,6 +351,8 @@ def test_alternatives_read_back_the_same(tmp_path):
     ("place", "value"),
     [
         (("noise",), "x"),
+        (("sets", 0, "folds"), [0.1]),
+        (("recorded", "count"), 0),
         (("noise",), float("nan")),
         (("sets",), []),
         (("sets",), 5),
@@ -364,7 +413,7 @@ def test_the_command_refuses_in_one_line(tmp_path, capsys, options):
 
 
 def test_too_little_was_recorded_asks_for_every_kind_of_loading():
-    left = among(stored(), known=limits_of(RAMP), unseen=True)
+    left = among(stored(), known=limits_of(RAMP), action="record_unloading")
     found = left.plan()
     strain = found.strain
     turns = np.count_nonzero(np.diff(np.sign(np.diff(strain))) != 0)
@@ -377,5 +426,19 @@ def test_a_diagnosis_has_its_next_recording(softened):
     _, out = softened
     result = json.loads((out / "diagnosis.json").read_text())
     left = Alternatives.from_dict(result["alternatives"])
-    assert result["next_recording"] == (left.plan() and left.plan().to_dict())
+    found = left.plan()
+    told = None if found is None else json.loads(json.dumps(found.to_dict()))
+    assert result["next_recording"] == told
+    assert (out / "next_recording.csv").exists() == bool(told and told["programme"])
     assert "mullins_softening" in left.effects
+
+
+def test_models_that_are_alike_and_poor_ask_for_what_was_not_recorded():
+    models = stored(("slack", {"gap": 0.0})), stored(stiffness=2.0)
+    assert among(*models, action="use_corrected_and_record").plan().programme is None
+    found = among(*models, action="record").plan()
+    assert "each twice" in found.programme.label
+    # Nor is there anything to tell where one model is left and the error is poor.
+    assert (
+        "each twice" in among(stored(SOFTENS), action="record").plan().programme.label
+    )

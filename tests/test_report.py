@@ -55,7 +55,8 @@ def told(names=("first", "second"), samples=400):
     result = {
         "case": names[0], "data_sha256": "ab", "model": "hooke", "version": 1,
         "verdict": "explained", "judged_by": "likelihood", "structure": None,
-        "shows": {"few": False, "only_loading": False}, "nearest": None,
+        "shows": {"few": False, "only_loading": False, "noise": False}, "nearest": None,
+        "classes": [], "floor": None, "tolerance": 0.02, "action": "record",
         "selected": ["mullins_softening"], "corrected_by": ["mullins_softening"],
         "recordings": [
             {"name": name, "samples": samples, "specimen": "", "source": "",
@@ -103,6 +104,7 @@ ADVICE = {
     "why": "on reloading it is 0.2 MPa or 0.3 MPa",
     "programme": {"time_s": [0.0, 7.0, 14.0], "strain": [0.0, 0.4, 0.0]},
     "differ": 0.17,
+    "specimens": 2,
     "expected": {"sure": 0.72, "gain": 0.5, "error": 0.02},
     "predictions": [
         {"if": f"if {name}", "effects": [], "probability": 0.5, "stress": [0.0, y, 0.0]}
@@ -287,14 +289,14 @@ def test_the_next_recording_is_drawn_with_what_each_model_predicts(tmp_path):
     text = visible(page)
     assert "if softening (50 %)" in text
     assert "if set (50 %)" in text
-    assert "With a probability of 72 %, all names are sure after it" in text
+    assert "That settles it with a probability of 72 %" in text
     assert "Cheaper: repeat first on another specimen (40 %)" in text
 
 
 def test_models_that_predict_alike_are_said_to_serve_alike(tmp_path):
     alike = {"programme": None, "expected": None, "predictions": [], "cheap": None}
     result = changed(next_recording=ADVICE | alike | {"why": "they are the same"})
-    assert result["answer"]["next"].startswith("Use any of the models that are left")
+    assert "They are the same." in result["answer"]["next"]
     (page,) = write_report(replace(told(), result=result), tmp_path)
     assert "<polyline" not in page.read_text()
 
@@ -314,8 +316,8 @@ def test_the_answer_is_a_sentence_a_number_and_a_next_step():
     ]
     assert answer["next"] == (
         "To tell Mullins softening from permanent set, record: load to 40 % and back, "
-        "twice, at 0.05 /s (next_recording.csv). With a probability of 72 %, all names "
-        "are sure then. Cheaper, with 40 %: repeat first on another specimen."
+        "twice, at 0.05 /s, on 2 specimens (next_recording.csv). That settles it with "
+        "a probability of 72 %. Cheaper, with 40 %: repeat first on another specimen."
     )
 
 
@@ -434,8 +436,9 @@ def test_what_is_unexplained_is_as_sure_as_that_something_is_missing(
 def test_first_loading_alone_is_not_enough():
     result = changed(
         selected=[], explanations=[], corrected_by=[], verdict="undetermined",
-        shows={"few": False, "only_loading": True},
-        next_recording=ADVICE | {"separates": [], "expected": None},
+        shows={"few": False, "only_loading": True, "noise": False},
+        action="record_unloading",
+        next_recording=ADVICE | {"separates": [], "expected": None, "specimens": 1},
     )  # fmt: skip
     assert "First loading alone does not tell" in result["answer"]["what"]
     assert result["answer"]["next"] == (

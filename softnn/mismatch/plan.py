@@ -5,35 +5,38 @@ that was fitted to all recordings, so each predicts any other programme. A progr
 worth recording if the predictions lie apart by more than the models are wrong (Hunter
 and Reiner 1965, doi:10.1080/00401706.1965.10490265).
 
-*Distances.* Z_i is the prediction of model i over the RMS stress of the programme. A
-new specimen has a scale of its own, so all predictions are first scaled to one another.
+*Distances.* Z_i is the prediction of model i over the RMS stress of the programme,
+with the weights of samples that errors have (`metrics.weights`). A new specimen has a
+scale of its own, so all predictions are first scaled to one another.
 
-*Error.* A model misses a new recording by about its error e on recordings left out,
-which includes the uncertainty of its parameters, but not by less than replicates
-differ. This error is smooth, not white: it counts as `INDEPENDENT` samples, however
-many were recorded. Its size varies from recording to recording by `SCATTER`.
+*Error.* A model misses a new recording by about its error on recordings left out, which
+includes the uncertainty of its parameters, but not by less than replicates differ. This
+error is smooth, not white: it counts as `INDEPENDENT` samples, however many were
+recorded. Its size varies between recordings as it did between those left out.
 
 *Posterior.* For each model i in turn, errors :math:`\epsilon` are drawn as if it were
-right. With r_j the relative error that model j would then show,
+right; model j then shows the relative error :math:`|\epsilon + Z_i - Z_j|`. Where
+prediction decides, this is one more fold, and the probabilities follow by the rule of
+the diagnosis (`compare.shares`). Where the likelihood decides, they are
 
-.. math:: r_j^2 = |\epsilon + Z_i - Z_j|^2, \qquad
-          P'(j) \propto P(j)\, r_j^{-K}
+.. math:: P'(j) \propto P(j)\, |\epsilon + Z_i - Z_j|^{-K}
 
-This is the likelihood of an error of unknown size. K is the worth of one recording:
-the log odds for each unit of the logarithm of its error.
+the likelihood of an error of unknown size, with K log odds for each unit of its
+logarithm.
 
 *Choice.* The programme is best by which the entropy of the posterior is expected to
 fall most (Lindley 1956, doi:10.1214/aoms/1177728069; Box and Hill 1967,
 doi:10.1080/00401706.1967.10490441; Atkinson and Fedorov 1975,
-doi:10.1093/biomet/62.1.57). Its promise is the share of draws after which every named
-effect has 0.9 or more.
+doi:10.1093/biomet/62.1.57). Its promise is the share of draws after which an effect in
+question has 0.9 or more, or all have less than 0.1. If one recording promises less than
+`ENOUGH_SURE`, two or three specimens are asked for.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,7 +46,8 @@ from numpy.typing import NDArray
 
 from softnn.axes import Axes
 from softnn.contracts import Array, InputError
-from softnn.mismatch.posterior import LIKELY, NAMED, SURE
+from softnn.mismatch.compare import FLOOR, LIKELY, SURE, shares
+from softnn.mismatch.prediction import ENOUGH, Candidate
 from softnn.mismatch.programmes import (
     Library,
     Limits,
@@ -60,11 +64,14 @@ if TYPE_CHECKING:
 
 MOST, LEAST = 8, 0.02  # models compared at most; a less likely one is left out
 INDEPENDENT = 8  # samples that a smooth error counts: one to two for each ramp
-SCATTER = 0.3  # of a logarithm, by which the error differs between recordings
-WORTH = 4.0  # K: 25 for the mean over all folds, of which a recording is about a sixth
-FLOOR = 1e-3  # of the stress; smaller errors count as none
+SCATTER = 0.3  # of a logarithm, by which errors differ between recordings, if unknown
+WORTH = 4.0  # K: odds of the likelihood grow far more slowly than with each sample
 ZEROED = 2e-3  # of the usual stress: error of a load cell without a load
 DRAWS = 300  # errors drawn for each model
+MOST_SPECIMENS = 3  # specimens that one programme is asked for
+ENOUGH_SURE = 0.8  # promise from which no further specimen is asked for
+MORE = 0.1  # least gain in the promise by a further specimen
+UNSEEN = ("record_more", "record_unloading")  # actions: too little was shown
 CLEAR = 3.0  # times the error, from which more distance makes no clearer picture
 ALIKE = 0.05  # of the best gain, within which the shorter programme is taken
 FILE, DONE = "next_recording.csv", "diagnosis.json"
@@ -75,20 +82,23 @@ DRAWN = 300  # samples of a programme that are kept for figures
 class Alternative:
     """A set of effects, its probability, and its model fitted to all recordings.
 
-    `nrmse` is its error on recordings that the fit did not use.
+    `nrmse` is its error on recordings that the fit did not use; `folds` (folds,) are
+    these errors one by one, if prediction decided, else there are none.
     """
 
     effects: frozenset[str]
     probability: float
     nrmse: float
     model: Stored
+    folds: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
 class Score:
     """What a programme is worth: gain in nats, and probabilities after it.
 
-    `sure`: every named effect has 0.9 or more; `right`: and all of them are there.
+    `sure`: an effect in question has 0.9 or more, or all have less than 0.1; `right`:
+    and that is true.
     `apart` (models, models) is the RMS difference of two predictions over the RMS
     stress, `stress` (models, n) what the models predict, `error` the usual error (RMS
     over the RMS stress).
@@ -106,20 +116,22 @@ class Score:
 class Plan:
     """The programme to record next, or None if all alternatives predict alike.
 
-    `cheap` is the best of those that take no new programme. `now` is whether every
-    named effect is sure already.
+    It has no score if it does not separate models but shows what was not recorded.
+    `cheap` is the best of those that take no new programme. The programme is to be run
+    on this number of `specimens`, and the score is that of all of them.
     """
 
     among: Alternatives
     programme: Programme | None
     score: Score | None
-    cheap: tuple[Programme, Score] | None
-    now: bool
+    cheap: tuple[Programme, Score] | None = None
+    specimens: int = 1
 
     def __repr__(self) -> str:
-        if self.programme is None or self.score is None:
+        if self.programme is None:
             return "<Plan: the alternatives predict the same stress>"
-        return f"<Plan: {self.programme.label}; sure {percent(self.score.sure)}>"
+        chance = "" if self.score is None else f"; settles {percent(self.score.sure)}"
+        return f"<Plan: {self.programme.label}{chance}>"
 
     @property
     def time_s(self) -> Array:
@@ -151,6 +163,7 @@ class Plan:
             "expected": None,
             "predictions": [],
             "cheap": self._cheap(),
+            "specimens": self.specimens,
         }
         if p is None:
             return out
@@ -166,9 +179,8 @@ class Plan:
                     else {"temperature_C": p.degC[p.scored :][keep].tolist()}
                 ),
             },
-            "why": "softening, set, friction and others differ on unloading, on "
-            "reloading and in a hold, and the recordings so far show too little of "
-            "these",
+            "why": "it shows first loading, unloading, reloading and relaxation of one "
+            "specimen, where effects differ",
         }
         if score is None:
             return out
@@ -242,8 +254,8 @@ class Alternatives:
     """The models that share the probability, and the limits of the recordings.
 
     `noise` and `floor` are over the RMS stress: the noise from sample to sample, and
-    the difference between replicates (0 if it is not known). `unseen`: these recordings
-    are too short or show first loading alone, so anything may act elsewhere.
+    the difference between replicates (0 if it is not known). `action` is what to do, of
+    `decision.TABLE`.
     """
 
     sets: tuple[Alternative, ...]
@@ -251,7 +263,7 @@ class Alternatives:
     axes: Axes
     noise: float
     floor: float = 0.0
-    unseen: bool = False
+    action: str = ""
 
     @cached_property
     def probability(self) -> list[float]:
@@ -310,82 +322,116 @@ class Alternatives:
             out.append(whole[programme.scored :])
         return np.array(out)
 
-    def score(self, programme: Programme) -> Score:
-        """Return the worth of a programme; the draws are the same for all."""
+    def score(self, programme: Programme, specimens: int = 1) -> Score:
+        """Return the worth of a programme run on this number of specimens.
+
+        The draws are the same for all programmes.
+        """
         stress, blank = self.stress(programme), programme.kind == "blank"
-        error = np.array([a.nrmse for a in self.sets])
+        root = np.sqrt(programme.weights / stress.shape[1])
+        error, swing = self._errors(stress.shape[1])
         if blank:
             # Without a specimen a load cell reads zero, whatever the laws are.
-            loaded = self.stress(replace(programme, kind="repeat"))
-            place, size = stress, float(np.sqrt(np.mean(loaded**2)))
+            loaded = root * self.stress(replace(programme, kind="repeat"))
+            place, size = root * stress, float(np.linalg.norm(loaded.mean(axis=0)))
             error = np.full(len(error), max(self.noise, ZEROED))
         else:
-            place, size = self._scaled(stress)
-            # White noise averages out; the error of the laws and of specimens stays.
-            smooth = np.sqrt(np.maximum(error**2 - self.noise**2, 0.0))
-            white = self.noise * np.sqrt(INDEPENDENT / stress.shape[1])
-            error = np.maximum(np.maximum(smooth, white), self.floor)
-        z = (place - place.mean(axis=0)) / np.sqrt(stress.shape[1]) / max(size, 1e-300)
+            place, size = self._scaled(root * stress)
+        z = (place - place.mean(axis=0)) / max(size, 1e-300)
         if not np.isfinite(z).all():
             return Score(0.0, 0.0, 0.0, np.zeros((len(z),) * 2), stress, 0.0)
         turn, width, _ = np.linalg.svd(z, full_matrices=False)
         apart = np.linalg.norm(z[:, None] - z[None], axis=2)
         p = np.array(self.probability)
-        after = self._after(turn * width, np.maximum(error, FLOOR))
-        right = self._right(after)
+        after = self._after(turn * width, error, swing, specimens)
         return Score(
             float(_entropy(p) - p @ _entropy(after).mean(axis=1)),
-            float(p @ self.settled(after).mean(axis=1)),
-            float(p @ right.mean(axis=1)),
+            float(p @ self.settled(after, specimens).mean(axis=1)),
+            float(p @ self._right(after, specimens).mean(axis=1)),
             apart,
             stress,
             float(p @ error),
         )
 
+    def _errors(self, samples: int) -> tuple[Array, Array]:
+        """Return the usual error (models,) of each model and its spread, in logarithms.
+
+        White noise averages out; errors of laws and differences of specimens stay.
+        """
+        error = np.array([a.nrmse for a in self.sets])
+        swing = np.full(len(error), SCATTER)
+        if self.sets[0].folds.size:
+            log = np.log(np.array([a.folds for a in self.sets]) + FLOOR)
+            return np.maximum(np.exp(log.mean(axis=1)), self.floor), log.std(axis=1)
+        smooth = np.sqrt(np.maximum(error**2 - self.noise**2, 0.0))
+        white = self.noise * np.sqrt(INDEPENDENT / samples)
+        least = max(white, self.floor, FLOOR)
+        return np.maximum(smooth, least), swing
+
     def _scaled(self, stress: Array) -> tuple[Array, float]:
-        """Return predictions (models, n) at the scale of their mean, and its RMS."""
+        """Return predictions (models, n) at the scale of their mean, and its norm."""
         mean = np.array(self.probability) @ stress
         square = float(mean @ mean)
         dot = stress @ mean
         by = np.where(dot > 0.1 * square, square / np.where(dot > 0, dot, 1.0), 1.0)
-        return by[:, None] * stress, float(np.sqrt(square / len(mean)))
+        return by[:, None] * stress, float(np.sqrt(square))
 
-    def _after(self, place: Array, error: Array) -> Array:
-        """Return probabilities (truth, draws, models) after a recording of each truth.
+    def _after(
+        self, place: Array, error: Array, swing: Array, specimens: int = 1
+    ) -> Array:
+        """Return probabilities (truth, draws, models) after recordings of each truth.
 
-        `place` (models, models) are the predictions, `error` (models,) their errors,
-        both over the RMS stress.
+        `place` (models, k) are the predictions, `error` (models,) their errors, both
+        over the RMS stress; `swing` is the spread of the errors, in logarithms.
         """
-        count = len(place)
-        rng = np.random.default_rng(0)
-        swing = np.exp(SCATTER * rng.standard_normal(DRAWS))
-        inside = rng.standard_normal((DRAWS, count)) / np.sqrt(INDEPENDENT)
+        count, wide = place.shape
+        rng, many = np.random.default_rng(0), (DRAWS, specimens)
+        unit = rng.standard_normal(many)
+        inside = rng.standard_normal((*many, wide)) / np.sqrt(INDEPENDENT)
         rest = max(INDEPENDENT - count + 1, 1)
-        outside = rng.chisquare(rest, DRAWS) / INDEPENDENT
+        outside = rng.chisquare(rest, many) / INDEPENDENT
+        folds = np.array([a.folds for a in self.sets])
+        sizes = np.array([len(a.effects) for a in self.sets])
         log = np.log(np.array(self.probability))
         out = np.empty((count, DRAWS, count))
         for i in range(count):
-            size = (error[i] * swing)[:, None]
-            miss = size[..., None] * inside[:, None] + (place[i] - place)[None]
-            square = (miss**2).sum(axis=2) + size**2 * outside[:, None]
-            odds = log - 0.5 * WORTH * np.log(square + FLOOR**2)
+            size = error[i] * np.exp(swing[i] * unit)  # (draws, specimens)
+            miss = (size[..., None] * inside)[:, None] + (place[i] - place)[:, None]
+            new = (miss**2).sum(axis=-1) + (size**2 * outside)[:, None]
+            new = np.sqrt(new)  # (draws, models, specimens)
+            if folds.size:
+                known = np.broadcast_to(folds, (DRAWS, *folds.shape))
+                out[i] = shares(np.concatenate([known, new], axis=2), sizes)
+                continue
+            odds = log - WORTH * np.log(new + FLOOR).sum(axis=-1)
             weight = np.exp(odds - odds.max(axis=1, keepdims=True))
             out[i] = weight / weight.sum(axis=1, keepdims=True)
         return out
 
-    def settled(self, probability: Array) -> NDArray[np.bool]:
-        """Return whether all effects named by probabilities (..., models) are sure."""
-        chance = probability @ self._has
-        none = probability @ np.array([not a.effects for a in self.sets], float)
-        named = chance >= NAMED
-        sure = named.any(axis=-1) & (~named | (chance >= SURE)).all(axis=-1)
-        return np.asarray(sure | (none >= SURE))
+    def _chance(self, probability: Array, specimens: int) -> Array:
+        """Return the probability (..., open) of each effect in question, afterwards."""
+        has = self._has[:, [self.effects.index(n) for n in self.open]]
+        few = self.known.count + specimens if self.sets[0].folds.size else ENOUGH
+        spare = 1 / (few + 2) if few < ENOUGH else 0.0
+        return np.asarray(probability @ has * (1 - spare))
 
-    def _right(self, after: Array) -> NDArray[np.bool]:
-        """Return (truth, draws): settled, and every sure effect is in the truth."""
-        chance = after @ self._has
-        wrong = ((chance >= SURE) & (self._has[:, None] < 0.5)).any(axis=-1)
-        return np.asarray(self.settled(after) & ~wrong)
+    def settled(self, probability: Array, specimens: int = 1) -> NDArray[np.bool]:
+        """Return whether probabilities (..., models) after recordings settle anything.
+
+        An effect in question is then sure, or none of them is likely.
+        """
+        chance = self._chance(probability, specimens)
+        return np.asarray(
+            (chance >= SURE).any(axis=-1) | (chance < LIKELY).all(axis=-1)
+        )
+
+    def _right(self, after: Array, specimens: int) -> NDArray[np.bool]:
+        """Return (truth, draws): settled, and what is sure is true."""
+        chance = self._chance(after, specimens)
+        has = self._has[:, [self.effects.index(n) for n in self.open]] > 0
+        false = ((chance >= SURE) & ~has[:, None]).any(axis=-1)
+        none = (chance < LIKELY).all(axis=-1) & np.any(has, axis=1, keepdims=True)
+        return np.asarray(self.settled(after, specimens) & ~false & ~none)
 
     # -- the plan ----------------------------------------------------------------------
 
@@ -395,9 +441,10 @@ class Alternatives:
         Raises `InputError` if no programme fits into them.
         """
         library = self.library(limits)
-        if self.unseen:
-            return Plan(self, library.covering(), None, None, False)
-        if len(self.sets) < 2 or not self.open:
+        unknown = len(self.sets) < 2 or not self.open
+        if self.action in UNSEEN or (unknown and "record" in self.action):
+            return Plan(self, library.covering(), None)
+        if unknown:
             return None
         every = library.programmes()
         scored = [(p, self.score(p)) for p in every]
@@ -412,13 +459,19 @@ class Alternatives:
             key=lambda f: f[1].gain,
             default=None,
         )
-        now = bool(self.settled(np.array(self.probability)))
         if all(self._alike(s) for _, s in scored):
-            return Plan(self, None, None, None, now)
+            missing = self.action == "record"  # the error is too large for any use
+            return Plan(self, library.covering() if missing else None, None)
         most = max(s.gain for _, s in own)
         near = [(p, s) for p, s in own if s.gain >= (1 - ALIKE) * most]
-        best = min(near, key=lambda f: f[0].seconds)
-        return Plan(self, *best, cheap, now)
+        programme, score = min(near, key=lambda f: f[0].seconds)
+        specimens = 1
+        while score.sure < ENOUGH_SURE and specimens < MOST_SPECIMENS:
+            more = self.score(programme, specimens + 1)
+            if self.known.continued or more.sure < score.sure + MORE:
+                break
+            specimens, score = specimens + 1, more
+        return Plan(self, programme, score, cheap, specimens)
 
     def _alike(self, score: Score) -> bool:
         """Return whether the predictions of all sets in question agree."""
@@ -432,12 +485,13 @@ class Alternatives:
             "recorded": self.known.to_dict(),
             "noise": self.noise,
             "floor": self.floor,
-            "unseen": self.unseen,
+            "action": self.action,
             "sets": [
                 {
                     "effects": sorted(a.effects),
                     "probability": a.probability,
                     "nrmse": a.nrmse,
+                    "folds": a.folds.tolist(),
                     "model": a.model.source,
                 }
                 for a in self.sets
@@ -460,6 +514,7 @@ class Alternatives:
                         _share(one["probability"]),
                         _share(one["nrmse"]),
                         replace(model, needs_simulated=False, simulation=None),
+                        np.array([_share(x) for x in one["folds"]], float),
                     )
                 )
             noise, floor = _share(given["noise"]), _share(given["floor"])
@@ -468,6 +523,8 @@ class Alternatives:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"alternatives cannot be read: {error!r}") from None
+        if len({len(a.folds) for a in sets}) > 1:
+            raise InputError("alternatives hold different numbers of folds")
         if not sets or len(sets) > MOST or not sum(a.probability for a in sets) > 0:
             raise InputError(
                 f"alternatives hold {len(sets)} sets; allowed are 1 to {MOST}"
@@ -478,7 +535,7 @@ class Alternatives:
             sets[0].model.axes,
             noise,
             floor,
-            bool(given.get("unseen")),
+            str(given["action"]),
         )
 
 
@@ -514,40 +571,41 @@ def _without_specimen(model: Stored) -> Stored:
 def alternatives(told: Judgement, history: str, axes: Axes) -> Alternatives:
     """Return the sets of effects that share the probability of a judgement.
 
-    A cause that is not on the list has no model, so it is not among them. `history` is
-    that of the case.
+    By likelihood a cause that is not on the list is not among them, since it has no
+    model. `history` is that of the case.
     """
     best: dict[frozenset[str], tuple[float, Any]] = {}
     total: dict[frozenset[str], float] = {}
     every = zip(told.posterior.hypotheses, told.posterior.probability, strict=True)
     for one, p in every:
-        if one.other:
+        if one.other and told.judged_by == "likelihood":
             continue
         total[one.effects] = total.get(one.effects, 0.0) + float(p)
         if one.effects not in best or p > best[one.effects][0]:
             best[one.effects] = float(p), one.account
     ranked = sorted(total, key=lambda s: -total[s])[:MOST]
     ranked = [s for s in ranked if total[s] >= LEAST] or ranked[:1]
-    data, sets = told.engine.data, []
+    data, sets, need = told.engine.data, [], told.decision.need
     for effects in ranked:
         account = best[effects][1]
         stored = from_dict(
             to_dict(account.fit.guess, data.names, history, False, axes=axes)
         )
         assert isinstance(stored, Stored)
-        error = told.heldout(account).nrmse
-        sets.append(Alternative(effects, total[effects], float(error), stored))
+        folds = account.nrmse if isinstance(account, Candidate) else np.zeros(0)
+        error = float(told.heldout(account).nrmse)
+        sets.append(Alternative(effects, total[effects], error, stored, folds))
     known = recorded(
         data.names, data.chunks, data.stress_MPa, data.continued, axes.strain.one
     )
     rms = float(np.sqrt(np.mean(told.engine.target**2)))
-    shows = told.decision.shows
     return Alternatives(
         tuple(sets),
         known,
         axes,
         told.noise_MPa / max(rms, 1e-300),
-        unseen=shows.few or (shows.only_loading and not told.names),
+        need.floor.nrmse if need.floor else 0.0,
+        told.decision.action,
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from softnn.axes import Axes
 from softnn.contracts import Array, Chunk, InputError
+from softnn.metrics import weights
 
 TOLERANCE = 0.003  # of the range of strain, within which a path is drawn by corners
 CORNERS = 120  # most corners kept of a recording
@@ -49,7 +50,8 @@ class Course:
 class Recorded:
     """What the machine and the specimens have stood so far.
 
-    `courses` are all recordings if these continue one another, else the longest one.
+    `count` is the number of recordings. `courses` are all of them if these continue one
+    another, else the longest one.
     """
 
     low: float  # least strain
@@ -60,6 +62,7 @@ class Recorded:
     interval_s: float
     degC: tuple[float, float] | None
     continued: bool
+    count: int
     courses: tuple[Course, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -71,6 +74,7 @@ class Recorded:
             "interval_s": self.interval_s,
             "temperature_C": self.degC,
             "continued": self.continued,
+            "count": self.count,
             "courses": [
                 {
                     "recording": c.name,
@@ -96,13 +100,18 @@ class Recorded:
             low, high = map(float, given["strain"])
             slow, fast = map(float, given["rate_per_s"])
             longest, interval = float(given["longest_s"]), float(given["interval_s"])
-            warm = given["temperature_C"]
+            warm, count = given["temperature_C"], int(given["count"])
             degC = None if warm is None else (float(warm[0]), float(warm[1]))
         except (KeyError, TypeError, ValueError, IndexError) as error:
             raise InputError(f"alternatives cannot be read: {error!r}") from None
         numbers = [low, high, slow, fast, longest, interval, *(degC or ())]
         fine = np.isfinite(numbers).all() and low <= 0 <= high and low < high
-        fine = fine and 0 < slow <= fast and 0 < interval <= longest <= LONGEST_S
+        fine = (
+            fine
+            and count > 0
+            and 0 < slow <= fast
+            and 0 < interval <= longest <= LONGEST_S
+        )
         for c in courses:
             fine = fine and c.time_s.shape == c.strain.shape and c.time_s.ndim == 1
             fine = fine and 1 < len(c.time_s) <= 2 * CORNERS
@@ -112,7 +121,7 @@ class Recorded:
             raise InputError("alternatives cannot be read: numbers out of range")
         return cls(
             low, high, slow, fast, longest, interval, degC,
-            bool(given.get("continued")), courses,
+            bool(given.get("continued")), count, courses,
         )  # fmt: skip
 
 
@@ -152,6 +161,7 @@ def recorded(
         float(min(np.median(steps[steps > 0]), longest.seconds)),
         (float(degC.min()), float(degC.max())) if len(degC) else None,
         continued,
+        len(courses),
         tuple(courses) if continued else (longest,),
     )
 
@@ -248,6 +258,11 @@ class Programme:
     @property
     def seconds(self) -> float:
         return float(self.time_s[-1] - self.time_s[self.scored])
+
+    @property
+    def weights(self) -> Array:
+        """Weight of each recorded sample in an error, 1 on average."""
+        return weights(self.time_s[self.scored :], self.strain[self.scored :])
 
 
 Moves = list[tuple[float, float]]  # (level, rate), or (NaN, duration) for a hold

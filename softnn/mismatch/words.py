@@ -307,29 +307,34 @@ def _structure(result: Result) -> list[str]:
 
 
 def _next(result: Result) -> str:
-    advice = result["next_recording"]
+    """Return what to do next, by the `action` of the decision."""
+    action, advice = result["action"], result["next_recording"]
     mistakes = [e for e in result["explanations"] if effect(e["effect"]).scatter]
     if mistakes:
         them = listed(mistakes[0]["recordings"][:FEW])
         return f"Check cross-section and units of {them}."
-    if advice:
-        return record(advice, result)
-    if result["corrected_by"]:
-        return "Simulate with the corrected model, model.json."
-    if result["verdict"] == "nothing_missing":
+    if action == "check_signal":
+        return "Check the force channel: its range, its cable and its zero."
+    if action == "use_simulation":
         return "Use the simulation as it is; its parameters are in base.json."
-    return "Record cycles at other rates and to other strains."
+    said = []
+    if action in ("use_corrected", "use_corrected_and_record"):
+        said.append("Simulate with the corrected model, model.json.")
+    if advice and (advice["expected"] is not None or action != "use_corrected"):
+        said.append(record(advice, result))
+    return " ".join(said)
 
 
 def record(advice: Mapping[str, Any], result: Result) -> str:
     """Return the recording to make next, what it tells, and how sure that is."""
-    purpose = _purpose(advice["separates"], result)
     if advice["programme"] is None:
-        return f"Use any of the models that are left: {advice['why']}."
-    asked = f"{purpose}record: {advice['strain_programme']} (next_recording.csv)."
-    text = opened(asked)
+        return f"{opened(advice['why'])}."
+    asked = (
+        f"record: {advice['strain_programme']}{_times(advice)} (next_recording.csv)."
+    )
     if advice["expected"] is None:
-        return text
+        return opened(asked)
+    text = opened(_purpose(advice["separates"], result) + asked)
     text += f" {promise(advice['expected'])}"
     if cheap := advice["cheap"]:
         chance = sure(cheap["expected"]["sure"])
@@ -337,9 +342,14 @@ def record(advice: Mapping[str, Any], result: Result) -> str:
     return text
 
 
+def _times(advice: Mapping[str, Any]) -> str:
+    """Return on how many specimens a programme is to be run; "" for one."""
+    return f", on {advice['specimens']} specimens" if advice["specimens"] > 1 else ""
+
+
 def promise(expected: Mapping[str, float]) -> str:
-    """Return how likely every name is sure after a recording."""
-    return f"With a probability of {sure(expected['sure'])}, all names are sure then."
+    """Return how likely a recording settles the question."""
+    return f"That settles it with a probability of {sure(expected['sure'])}."
 
 
 def _purpose(names: Sequence[str], result: Result) -> str:
