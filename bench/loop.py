@@ -2,12 +2,13 @@
 
 A case by other hands (`bench.hands`) is diagnosed. If the verdict is undetermined, its
 machine makes the recording that softnn asks for: the same hidden truth, a fresh
-specimen, fresh noise. The case is diagnosed again with it. Beside it, each alone: a
-random programme of the same duration and reach, the longest recording once more, and
-the programme that belongs to the likeliest effect in question, whatever the models
-predict (`Effect.telltale`). With --real, recordings of SOFTNN_DATA of one kind of
-programme are diagnosed, and softnn chooses among recordings of other kinds. What is
-finished is kept, so a run that was stopped goes on. The result is loop.json.
+specimen, fresh noise, as many specimens as asked for. The case is diagnosed again with
+it. Other recordings take its place in turn: a random programme of the same duration and
+reach; the longest recording once more; and the programme of the likeliest effect in
+question (`Effect.telltale`), whatever the models predict. With --real, recordings of
+SOFTNN_DATA of one kind of programme are diagnosed, and softnn chooses among recordings
+of other kinds. Finished cases are kept, so a run that was stopped goes on. The result
+is loop.json.
 """
 
 from __future__ import annotations
@@ -53,13 +54,13 @@ from softnn.workers import workers
 CLASSES = {"bent": 6, "pair": 3, "single": 3}  # cases of each, in the usual run
 ARMS = ("asked", "random", "repeat", "telltale")
 LEVELS = 8  # corners of a random programme
-NEW = "asked"  # name of the recording that is added
+NEW = "new"  # name of an added recording
 KINDS = 3  # kinds of programme that a group needs: one to begin with, two to choose
 THIRDS = (1 / 3, 2 / 3)  # promises are compared with what came in three parts
-SMOKE = (3, 150)  # recordings, samples
+SMOKE = (3, 100)  # recordings, samples
 
 
-# --- what is added --------------------------------------------------------------------
+# --- added recordings -----------------------------------------------------------------
 
 
 def random_programme(seconds: float, reach: Array, rng: np.random.Generator) -> Any:
@@ -154,12 +155,13 @@ def trial(
     first = diagnose(case)
     row |= {"judged_by": first.result["judged_by"], "before": outcome(first, true)}
     plan = first.next_recording()
-    if first.verdict != "undetermined":
+    if first.verdict != "undetermined" and not small:
         return row | {"left_out": "settled already"}
     if plan is None or plan.programme is None or plan.score is None:
         return row | {"left_out": "no recording is asked for"}
     row |= {
         "asked": plan.programme.label,
+        "specimens": plan.specimens,
         "separates": plan.separates,
         "promised": {"sure": plan.score.sure, "right": plan.score.right},
     }
@@ -167,12 +169,15 @@ def trial(
     ways = programmes(plan, case, rng)
     for arm in arms:
         time, strain, degC = ways[arm]
-        stress = again.record(drawn, time, strain, rng, degC)
         warm = None
         if drawn.temperature:
             warm = np.full(len(time), drawn.setup.rest_C) if degC is None else degC
-        new = Recording(time, strain, stress, warm, name=NEW)
-        found = diagnose(with_recording(case, new))
+        more = case
+        for k in range(plan.specimens):
+            stress = again.record(drawn, time, strain, rng, degC)
+            new = Recording(time, strain, stress, warm, name=f"{NEW}-{k + 1}")
+            more = with_recording(more, new)
+        found = diagnose(more)
         row["arms"][arm] = outcome(found, true, plan.separates)
     return row
 
@@ -297,7 +302,7 @@ def run(a: Any) -> None:
                 name = f"{side} {a.seed} {cls} {i}"
                 tasks[name] = (trial, a.seed, i, cls, side)
     if a.smoke:
-        tasks = {"smoke": (trial, 0, 0, "single", SIDES[0], ARMS[:2], SMOKE)}
+        tasks = {"smoke": (trial, 0, 8, "pair", SIDES[0], ARMS[:1], SMOKE)}
     elif a.real is not None:
         groups, _ = discover(data_folder(), a.real)
         tasks |= {g.label: (choice, g) for g in groups}

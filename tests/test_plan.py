@@ -157,7 +157,7 @@ def test_more_specimens_are_asked_for_where_one_does_not_settle_it():
     folds = np.array([[0.02, 0.03, 0.025], [0.02, 0.03, 0.025]])
     found = among(stored(SOFTENS), stored(SETS), folds=folds).plan()
     one = found.among.score(found.programme)
-    assert found.specimens == plan.MOST_SPECIMENS
+    assert 1 < found.specimens <= plan.MOST_SPECIMENS
     assert found.score.sure > one.sure
     sharp = among(stored(SOFTENS), stored(SETS), error=1e-4).plan()
     assert sharp.specimens == 1

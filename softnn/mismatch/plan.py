@@ -116,7 +116,7 @@ class Score:
 class Plan:
     """The programme to record next, or None if all alternatives predict alike.
 
-    It has no score if it does not separate models but shows what was not recorded.
+    It has no score if no models are left to separate; then it covers all loadings.
     `cheap` is the best of those that take no new programme. The programme is to be run
     on this number of `specimens`, and the score is that of all of them.
     """
@@ -426,7 +426,7 @@ class Alternatives:
         )
 
     def _right(self, after: Array, specimens: int) -> NDArray[np.bool]:
-        """Return (truth, draws): settled, and what is sure is true."""
+        """Return (truth, draws): settled, and the sure effects are true."""
         chance = self._chance(after, specimens)
         has = self._has[:, [self.effects.index(n) for n in self.open]] > 0
         false = ((chance >= SURE) & ~has[:, None]).any(axis=-1)

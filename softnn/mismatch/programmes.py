@@ -87,7 +87,7 @@ class Recorded:
 
     @classmethod
     def from_dict(cls, given: Any) -> Recorded:
-        """Raise `InputError` for what is no description of recordings."""
+        """Raise `InputError` unless `given` describes recordings."""
         try:
             courses = tuple(
                 Course(
@@ -269,7 +269,7 @@ Moves = list[tuple[float, float]]  # (level, rate), or (NaN, duration) for a hol
 
 
 class Library:
-    """The programmes within what was recorded, or within the limits of the user."""
+    """The programmes within the limits of the recordings, or of the user."""
 
     def __init__(self, known: Recorded, limits: Limits, axes: Axes) -> None:
         self.known, self.axes = known, axes
