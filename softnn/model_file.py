@@ -15,6 +15,7 @@ from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
+from softnn.fit.point import with_stress
 from softnn.models import bases
 from softnn.models.base import Base
 from softnn.models.bases import number
@@ -167,6 +168,16 @@ class Stored:
                     features(chunk, self.learned.features)
                 )
         return out
+
+
+def in_units(guess: Guess, axes: Axes) -> tuple[Guess, Axes]:
+    """Return a guess as model.json has it, and its axes: of specimens in MPa.
+
+    `axes` say what counts as 1 in the fit. Of a component that stays so.
+    """
+    if axes.component:
+        return guess, axes
+    return with_stress(guess, axes.stress.one), SPECIMEN
 
 
 def to_dict(
