@@ -16,12 +16,14 @@ from softnn import readers
 from softnn.axes import common
 from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.fit import Data
+from softnn.metrics import BAND, weights
 from softnn.model_file import HISTORIES
 from softnn.models.bases import BASES
 from softnn.readers import ReadOptions
 from softnn.readers.folder import Found, files_of, read_files
 from softnn.readers.tidy import read_folder, read_text
 from softnn.recording import Recording
+from softnn.state import turns
 
 KEYS = ("model", "history", "specimen")
 LARGEST_STRAIN = 15.0  # 1500 %: no elastomer here survives more
@@ -407,6 +409,30 @@ def thin(case: Case, most: int) -> Case:
         if case.simulated_MPa is not None:
             s = case.simulated_MPa[i]
             simulated.append(s if keep is None else s[keep])
+    return replace(case, recordings=tuple(out), simulated_MPa=tuple(simulated) or None)
+
+
+def sparse(case: Case, most: int) -> Case:
+    """Return the case with at most about `most` samples a recording, where they weigh.
+
+    Samples are evenly spaced in the weight that they have in an error: a ramp keeps its
+    samples beside a hold of an hour. Turning points are kept.
+    """
+    out, simulated = [], []
+    for i, recording in enumerate(case.recordings):
+        time, strain = recording.time_s, recording.strain
+        keep = np.arange(len(time))
+        if len(time) > most:
+            known = np.isfinite(strain)
+            filled = np.interp(time, time[known], strain[known])
+            total = np.cumsum(weights(time, filled))
+            even = np.searchsorted(total, np.linspace(0, total[-1], most))
+            corners = turns(filled, BAND * float(np.ptp(filled)))
+            ends = [0, len(time) - 1]
+            keep = np.unique(np.concatenate([even.clip(0, ends[1]), corners, ends]))
+        out.append(recording.take(keep))
+        if case.simulated_MPa is not None:
+            simulated.append(case.simulated_MPa[i][keep])
     return replace(case, recordings=tuple(out), simulated_MPa=tuple(simulated) or None)
 
 
