@@ -27,6 +27,7 @@ from softnn.model_file import Stored, read_model
 from softnn.plausible import (
     accidents,
     check_plausible,
+    check_together,
     going_on,
     one_size,
     scattered,
@@ -107,15 +108,18 @@ def plausible(case: Case, as_is: bool = False) -> Case:
 
     Copies of a recording are dropped, and so is the stress after a specimen has torn.
     """
-    for recording in case.recordings:
-        # before anything is noted
-        check_sizes(recording, recording.source or recording.name or None)
+    # before anything is noted
+    _each(case, lambda r, alone: check_sizes(r, r.source or r.name or None, alone))
     if as_is:
         return case
     case = _once(case)
-    notes, kept = [], []
+    notes = _each(
+        case, lambda r, alone: check_plausible(r, history=case.history, alone=alone)
+    )
+    if case.history == "fresh":
+        check_together(case.recordings)
+    kept = []
     for r in case.recordings:
-        notes += check_plausible(r, history=case.history)
         r, told = accidents(r)
         kept.append(r)
         notes += told
@@ -123,6 +127,26 @@ def plausible(case: Case, as_is: bool = False) -> Case:
     if not case.groups():
         notes += one_size(case.recordings) or scattered(case.recordings)
     return replace(case, recordings=tuple(kept), notes=(*case.notes, *notes))
+
+
+def _each(case: Case, check: Callable[[Recording, bool], Any]) -> list[str]:
+    """Return the notes of a check of each recording.
+
+    Raises its `InputError`, with advice for one file alone unless all files need it.
+    """
+    notes, wrong = list[str](), list[Recording]()
+    for one in case.recordings:
+        try:
+            notes += check(one, False) or ()
+        except InputError as error:
+            wrong.append(one)
+            first = first if len(wrong) > 1 else error
+    if not wrong:
+        return notes
+    if len({r.source for r in wrong}) == len({r.source for r in case.recordings}):
+        raise first
+    check(wrong[0], True)
+    raise first
 
 
 def _once(case: Case) -> Case:

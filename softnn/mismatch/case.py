@@ -18,6 +18,7 @@ from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.fit import Data
 from softnn.model_file import HISTORIES
 from softnn.models.units import BASES
+from softnn.plausible import Advice
 from softnn.readers import ReadOptions
 from softnn.readers.folder import Found, files_of, read_files
 from softnn.readers.tidy import read_folder, read_text
@@ -206,14 +207,20 @@ def _about(path: Path) -> dict:
     return about
 
 
-def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
-    """Raise `InputError` on a likely wrong unit, or if nothing can be diagnosed."""
+def check_sizes(
+    recording: Recording, file: str | Path | None = None, alone: bool = False
+) -> None:
+    """Raise `InputError` on a likely wrong unit, or if nothing can be diagnosed.
+
+    `alone`: its advice must act on this file alone.
+    """
+    advice = Advice(recording, alone)
     strain = np.nanmax(np.abs(recording.strain))
     known = not recording.axes.component  # a component may have any size
     if known and strain > LARGEST_STRAIN:
         raise InputError(
-            f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; is it in per "
-            "cent? It must be a plain number: divide by 100, or say --unit strain=%",
+            f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; "
+            f"{advice.percent()}",
             file=file,
             row=_row(recording, recording.strain),
             column="strain",
@@ -221,7 +228,7 @@ def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
     stress = np.nanmax(np.abs(recording.stress_MPa))
     if known and stress > LARGEST_STRESS_MPa:
         raise InputError(
-            f"stress reaches {stress:.4g} MPa; is it in Pa or kPa? It must be in MPa",
+            f"stress reaches {stress:.4g} MPa; {advice.pascal()}",
             file=file,
             row=_row(recording, recording.stress_MPa),
             column="stress_MPa",

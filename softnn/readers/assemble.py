@@ -45,7 +45,7 @@ from softnn.readers.vocabulary import (
     rank,
 )
 from softnn.recording import Recording, Step
-from softnn.start import ODD, OFFSET, beginning, stale, start
+from softnn.start import ODD, OFFSET, beginning, resting, stale, start, unloaded
 
 # Beyond these a unit or the geometry is wrong, not the material: 100 is 10,000 %,
 # 20 GPa is beyond any wire.
@@ -106,6 +106,8 @@ class _Assembly(Chosen):
         }
         if table.sheet:
             arguments["sheet"] = table.sheet
+        if vain := self.in_vain():
+            arguments["in_vain"] = vain
         specimen = options.specimen or table.label or self.header.specimen
         channels = {
             "time_s": time - np.nanmin(time[old:]) if old else time,
@@ -186,7 +188,8 @@ class _Assembly(Chosen):
         except Lacking as error:
             lacking = error if lacking is None else lacking.and_also(error)
         if lacking is not None:
-            raise lacking
+            columns = {role: name for name, role in lacking.units.items()}
+            raise lacking.judged(strain, columns)
         assert stress is not None
         assert strain is not None
         assert time is not None
@@ -196,6 +199,13 @@ class _Assembly(Chosen):
             elongation = None if elongation is None else -elongation
         if self.turned:
             stress, force = -stress, None if force is None else -force
+        if self.options.zero_stress:
+            rest = slice(self.first, self.first + resting(strain[self.first :]))
+            offset = float(np.nanmedian(stress[rest])) if len(stress) else 0.0
+            self.notes.append(f"{offset:.4g} MPa taken off the stress (--zero-stress)")
+            stress = stress - offset
+            if force is not None:
+                force = force - float(np.nanmedian(force[rest]))
         return force, stress, strain, elongation, time
 
     def force_and_stress(self) -> tuple[Array | None, Array]:
@@ -257,12 +267,12 @@ class _Assembly(Chosen):
         return stress * other[1](1 + strain)
 
     def note_fraction(self, strain: Array) -> None:
-        """A note where a column without a unit, taken as it stands, goes beyond 1."""
+        """A note where a column without a unit is taken as it stands."""
         name = self.used["strain"]
         top = float(np.nanmax(np.abs(strain), initial=0.0))
         bare = any(str(c) == name and not self.unit_of(c, "strain")
                    for c in self.table.columns)  # fmt: skip
-        if bare and top > 1:
+        if bare and not self.rules.unitless:
             self.notes.append(
                 f"{name!r} has no unit and is taken as a fraction, up to "
                 f"{100 * top:.4g} %; if it is in per cent, say --unit '{name}=%'"
@@ -275,7 +285,8 @@ class _Assembly(Chosen):
         has a name of no direction, and grows where it should fall.
         """
         options = self.options
-        told = options.compression or options.flip or self.rules.compression
+        turned = [options.flips(a, self.table.file) for a in ("strain", "stress")]
+        told = options.compression or any(turned) or self.rules.compression
         travel, pull = (
             next((r for r in roles if r in self.names), "")
             for roles in (("displacement", "strain"), ("force", "stress"))
@@ -370,23 +381,24 @@ class _Assembly(Chosen):
             return moved - start(moved[self.first :])
         if load is None or any(n.startswith("zero of") for n in self.notes):
             return moved
-        first, share = beginning(moved[self.first :], load[self.first :])
+        first, share = beginning(moved[self.first :], load[self.first :], preload=True)
+        bears = "no load" if unloaded(load[self.first :]) else "but a preload"
         unit = " mm" if role == "displacement" else ""
         if role == "displacement" and share > OFFSET:
             self.notes.append(
-                f"{name!r} starts at {first:.4g}{unit} with no load, the machine's "
+                f"{name!r} starts at {first:.4g}{unit} with {bears}, the machine's "
                 "position; it counts from there"
             )
             return moved - first
         if role == "strain" and 0.9 < first < 1.1:
             column = name.partition(" [")[0]
             self.notes.append(
-                f"{column!r} starts at {first:.4g} with no load, as a stretch ratio "
+                f"{column!r} starts at {first:.4g} with {bears}, as a stretch ratio "
                 f"does; if it is one, say --unit '{column}=stretch'"
             )
         elif share > ODD:
             self.notes.append(
-                f"{name!r} starts at {first:.4g}{unit} with no load; if that is the "
+                f"{name!r} starts at {first:.4g}{unit} with {bears}; if that is the "
                 "machine's position, say --zero"
             )
         return moved

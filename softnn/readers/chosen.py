@@ -14,11 +14,12 @@ import numpy as np
 from softnn.contracts import Array, InputError
 from softnn.readers.clocks import clock, is_clock, since_an_epoch
 from softnn.readers.columns import Column
+from softnn.readers.guess import strain_unit
 from softnn.readers.header import header_geometry
 from softnn.readers.lacking import USUAL, Lacking
 from softnn.readers.measures import unusual
 from softnn.readers.numbers import numbers
-from softnn.readers.options import ReadOptions, Rules
+from softnn.readers.options import ReadOptions, Rules, is_called
 from softnn.readers.table import Table
 from softnn.readers.units import READINGS, WEIGHTS, Unit, parse_unit
 from softnn.readers.vocabulary import (
@@ -77,12 +78,23 @@ class Chosen:
             # half a section: the file's own area no longer holds
             known_geometry.pop("area_mm2", None)
         self.geometry = Geometry(**{**known_geometry, **given})
-        for name in options.units:
-            if name not in ROLES and not any(
-                name in (c.name, str(c)) or plain(name) == c.plain
-                for c in table.columns
-            ):
-                self.notes.append(f"no column {name!r}, of which a unit was given")
+        # What is given for this file alone comes first.
+        self.units = sorted(
+            (
+                (key, of, name, unit)
+                for key, unit in options.units.items()
+                for of, name in self.meant(key)
+            ),
+            key=lambda given: not given[1],
+        )
+        self.typed: set[str] = set()  # keys of units that named a column, or a role
+
+    def meant(self, key: str) -> list[tuple[bool, str]]:
+        """The column that a unit was given for, and whether of this file alone."""
+        file, mark, name = key.partition(":")
+        if mark and is_called(self.table.file, file):
+            return [(True, name.strip())]
+        return [(False, key)]
 
     def candidates(self, role: str) -> list[int]:
         """Columns that may play a role, best first; empty ones only by name."""
@@ -157,7 +169,10 @@ class Chosen:
             text = self.unit_of(column, role)
             unit = self.implied(i, role, text) or parse_unit(text)
             if unit is None and not text and dimension == "strain" and self.fractions:
-                unit = Unit("strain", 1.0)
+                # Numbers that may be per cent are asked for, unless a dialect knows.
+                likely = strain_unit(self.values_of(column))
+                if self.rules.unitless or likely == "mm/mm":
+                    unit = Unit("strain", 1.0)
             if unit is not None and unit.dimension == dimension:
                 if unclear is not None and rank(role, unclear.plain) == 0:
                     self.refuse(unclear, role)
@@ -220,18 +235,42 @@ class Chosen:
                 "and name the unit in its heading"
             )
         raise Lacking(
-            units={column.name: role}, unknown={column.name: text} if text else None
+            units={column.name: role},
+            unknown={column.name: text} if text else None,
+            values={column.name: self.values_of(column)},
         )
 
-    def unit_of(self, column: Column, role: str) -> str:
-        return self.given_unit(column) or self.options.units.get(role) or column.unit
+    def values_of(self, column: Column) -> Array:
+        """The numbers (n,) of a column, whatever its unit; NaN where there are none."""
+        i = self.table.columns.index(column)
+        try:
+            return numbers(self.table, i, self.decimal, skip_bad=True)[0]
+        except InputError:
+            return np.full(len(self.table.rows), np.nan)
 
-    def given_unit(self, column: Column) -> str:
-        """The unit that the user gave for this column by its name, "" for none."""
-        for name, unit in self.options.units.items():
-            if name in (column.name, str(column)) or plain(name) == column.plain:
-                return unit
-        return ""
+    def unit_of(self, column: Column, role: str) -> str:
+        """The unit of a column: given by its name, or by its role, or in the file."""
+        for own in (True, False):
+            here = [(k, n, u) for k, of, n, u in self.units if of == own]
+            for key, name, unit in here:
+                if name in (column.name, str(column)) or plain(name) == column.plain:
+                    self.typed.add(key)
+                    return unit
+            for key, name, unit in here:
+                if name == role:
+                    self.typed.add(key)
+                    return unit
+        return column.unit
+
+    def in_vain(self) -> list[str]:
+        """Units given that no column of this table is read by."""
+        named = {
+            key
+            for key, _, name, _ in self.units
+            for c in self.table.columns
+            if name in (c.name, str(c)) or plain(name) == c.plain
+        }
+        return [key for key, *_ in self.units if key not in self.typed | named]
 
     @property
     def fractions(self) -> bool:
@@ -361,7 +400,8 @@ class Chosen:
         if role == "time":
             return False
         axis = "strain" if role in ("strain", "displacement") else "stress"
-        return self.compressive(column, role) != (axis in self.options.flip)
+        turned = self.options.flips(axis, self.table.file)
+        return self.compressive(column, role) != turned
 
     def compressive(self, column: Column, role: str) -> bool:
         """Whether compression counts as positive in a column."""

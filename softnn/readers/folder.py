@@ -15,18 +15,19 @@ import hashlib
 import io
 import os
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from softnn import progress
 from softnn.contracts import InputError, nearest
 from softnn.json_file import write_text
-from softnn.readers.lacking import Lacking, NoRecording
-from softnn.readers.options import ReadOptions
+from softnn.readers.lacking import Lacking, NoRecording, together
+from softnn.readers.options import ReadOptions, is_called
 from softnn.readers.sizes import NAMES, TABLE, called, row_of, specimens, table_of
 from softnn.recording import Recording
 
@@ -133,12 +134,40 @@ def read_files(
             file=table_of(folder),
             column="file",
         )
-    _refuse(wrong, lacking, len(files), folder)
+    _refuse(wrong, lacking, len(files), folder, bool(found.recordings))
     if not found.recordings:
         raise InputError(_none(found.notes), file=folder)
+    check_given(options, found.recordings, files)
     _uncopied(found)
     _named(found)
     return found
+
+
+def check_given(
+    options: ReadOptions, recordings: Sequence[Recording], files: Sequence[Path]
+) -> None:
+    """Raise `InputError` for a unit or a sign that was given and acts on nothing."""
+    read = [r.log[0].arguments if r.log else {} for r in recordings]
+    names = [f.name for f in files]
+    for what, key in (*(("unit", k) for k in options.units), ("flip", options.flip)):
+        file, mark, _ = key.partition(":")
+        meant = [f for f in files if is_called(f, file)]
+        if mark and not meant and (what == "flip" or all(_vain(key, a) for a in read)):
+            raise InputError(
+                f"--{what} {shlex.quote(key)}: no file {file!r} here"
+                f"{nearest(file, names)}"
+            )
+        if what == "unit" and read and all(_vain(key, a) for a in read):
+            used = read[0].get("columns", {})
+            told = ", ".join(f"{role} is from {c!r}" for role, c in used.items())
+            raise InputError(
+                f"--unit {shlex.quote(f'{key}={options.units[key]}')} acts on nothing: "
+                f"no column is called so, and {told}"
+            )
+
+
+def _vain(key: str, read: Mapping[str, Any]) -> bool:
+    return key in read.get("in_vain", ())
 
 
 def _copies(files: Sequence[Path]) -> dict[Path, Path]:
@@ -179,6 +208,7 @@ def _refuse(
     lacking: dict[str, Lacking],
     count: int,
     folder: Path | None,
+    others: bool,
 ) -> None:
     if not wrong and not lacking:
         return
@@ -194,9 +224,7 @@ def _refuse(
             f"{len(wrong)} of {count} files cannot be read: {told}{more}{also}{leave}",
             file=folder,
         )
-    whole = next(iter(lacking.values()))
-    for one in lacking.values():
-        whole = whole.and_also(one)
+    whole = together(lacking, others)
     alike = all(
         one.sizes == whole.sizes and one.units == whole.units
         for one in lacking.values()
@@ -207,6 +235,8 @@ def _refuse(
         whole.sizes,
         whole.units,
         unknown=whole.unknown,
+        likely=whole.likely,
+        values=whole.values,
         have=whole.have,
         said=f"{len(lacking)} of {count} files lack facts: {names}{each}. {whole}",
         file=folder,

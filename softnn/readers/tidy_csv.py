@@ -24,7 +24,7 @@ def recognises(source: Source) -> bool:
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
     if _changed(source, options) or _with_units(source):
-        return read_source(source, Rules(NAME), options)
+        return read_source(source, Rules(NAME, unitless=True), options)
     about = {"specimen": options.specimen, "material": options.material}
     about["test"] = options.test
     recording = read_tidy(source.path, **about, rate_per_s=options.rate_per_s)
@@ -65,6 +65,7 @@ def _changed(source: Source, options: ReadOptions) -> bool:
         or options.decimal == ","
         or options.compression
         or options.zero
+        or options.zero_stress
         or options.flip
         or options.skip_bad_cells
         or options.interval_s is not None

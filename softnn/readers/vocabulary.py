@@ -142,7 +142,7 @@ DIMENSION = MappingProxyType(
 
 # Columns whose zero is the machine's, not the specimen's.
 ABSOLUTE = re.compile(
-    r"\babsol\w*\b|\bdigital position\b|^(position|pos|gap|size|height)\b|"
+    r"\babsol\w*\b|\b(position|pos)\b|^(gap|size|height)\b|"
     r"\bcapteur de course|" + _HEIGHTS
 )
 HEIGHT = re.compile(r"^(gap|size|height)\b|" + _HEIGHTS)
