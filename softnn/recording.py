@@ -36,6 +36,28 @@ class Geometry:
                     f"geometry {item.name} is {value}; it must be a number above 0"
                 )
 
+    def check(self, where: str, alike: float = 0.02) -> None:
+        """Raise `InputError` where two ways to say the section differ by over 2 %."""
+        sections: dict[str, float] = {}
+        if self.area_mm2 is not None:
+            sections[f"area {self.area_mm2:g} mm2"] = self.area_mm2
+        if self.width_mm is not None and self.thickness_mm is not None:
+            name = f"width {self.width_mm:g} mm times thickness {self.thickness_mm:g} mm"
+            sections[name] = self.width_mm * self.thickness_mm
+        if self.diameter_mm is not None:
+            circle = np.pi * self.diameter_mm**2 / 4
+            sections[f"diameter {self.diameter_mm:g} mm"] = circle
+        low, high = (f(sections.values(), default=1.0) for f in (min, max))
+        if high > (1 + alike) * low:
+            told = ", ".join(
+                name if name.startswith("area") else f"{name} is {section:.4g} mm2"
+                for name, section in sections.items()
+            )
+            raise InputError(
+                f"the sizes {where} contradict each other: {told}; leave the wrong one "
+                "out"
+            )
+
     @property
     def area(self) -> float | None:
         """Cross-section in mm2: as given, else width x thickness, else a circle."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.readers.clocks import clock, is_clock, since_an_epoch
-from softnn.readers.columns import Column
+from softnn.readers.columns import Column, split_name
 from softnn.readers.guess import strain_unit
 from softnn.readers.header import header_geometry
 from softnn.readers.lacking import USUAL, Lacking
@@ -125,7 +125,8 @@ class Chosen:
             hits = [
                 i
                 for i, c in enumerate(columns)
-                if wanted in (c.name, str(c)) or plain(wanted) == c.plain
+                if wanted in (c.name, str(c))
+                or c.plain in (plain(wanted), split_name(wanted).plain)
             ]
             if not hits:
                 hits = [

@@ -70,9 +70,9 @@ class Lacking(InputError):
             what = f"has the unit {text!r}, unknown here" if text else "has no unit"
             unit = likely or "UNIT"
             parts.append(
-                f"column {column!r} {what}{self._makes(column)}; give it with --unit "
-                f"'{column}={unit}', or in place of {unit} one of: "
-                f"{known(DIMENSION[role])}"
+                f"column {column!r} {what}; give it with --unit '{column}={unit}', or "
+                f"in place of {unit} one of: {known(DIMENSION[role])}"
+                + self._makes(column)
             )
         if "area" in self.sizes:
             both = "length" in self.sizes
@@ -98,16 +98,16 @@ class Lacking(InputError):
         if values is None or not np.isfinite(values).any():
             return ""
         role, top = self.units[column], float(np.nanmax(np.abs(values)))
-        said = f" and goes to {top:.4g}"
-        if role == "strain" and likely:
-            return said + f" ({100 * top * UNITS[role][likely]:.4g} % in {likely})"
+        said = f". It goes to {top:.4g}"
         if role == "strain":
-            return said + f" ({100 * top:.4g} % in mm/mm, {top:.4g} % in %)"
+            units = [likely] if likely else ["mm/mm", "%"]
+            told = [f"{100 * top * UNITS[role][u]:.4g} % in {u}" for u in units]
+            return f"{said}: {' or '.join(told)}"
         if role == "time":
             lasts = float(np.nanmax(values) - np.nanmin(values))
             units = [likely] if likely else ["s", "ms"]
             told = [f"{spelt(lasts * UNITS[role][u])} in {u}" for u in units]
-            return said + f" ({', '.join(told)})"
+            return f"{said}: {' or '.join(told)}"
         return said
 
     def judged(self, strain: Array | None, columns: Mapping[str, str]) -> Lacking:

@@ -67,6 +67,8 @@ class ReadOptions:
                 "of one file, as 'fast.csv:strain'"
             )
 
+        self.geometry.check("in the options")
+
     def flips(self, axis: str, file: str | Path) -> bool:
         """Whether the sign of "strain" or "stress" is reversed in a file."""
         name, mark, turned = self.flip.rpartition(":")
