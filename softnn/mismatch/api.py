@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import wraps
@@ -37,6 +38,7 @@ from softnn.progress import Listener, heard, stage
 from softnn.readers import ReadOptions
 from softnn.readers.arguments import as_arguments
 from softnn.readers.folder import read_files, without_copies
+from softnn.readers.options import name_of
 from softnn.recording import Recording, bridged
 
 if TYPE_CHECKING:
@@ -123,6 +125,13 @@ def plausible(case: Case, as_is: bool = False) -> Case:
         r, told = accidents(r)
         kept.append(r)
         notes += told
+    materials = sorted({r.material for r in case.recordings if r.material})
+    if len(materials) > 1:
+        notes.append(
+            f"recordings of {len(materials)} materials ({', '.join(materials[:4])}) in "
+            "one case: one model has to fit them all; name the files of one material, as "
+            f"softnn diagnose {shlex.quote(Path(case.recordings[0].source).name)} ..."
+        )
     notes += going_on(case.recordings, case.history)
     if not case.groups():
         notes += one_size(case.recordings) or scattered(case.recordings)
@@ -173,7 +182,7 @@ def _read_case(path: Paths, options: ReadOptions, skip: Sequence[str] = ()) -> C
     found = read_files(None, paths, options, readers.read)
     found.notes += read_notes(found.recordings)
     one = paths[0]
-    name = one.name.partition(".")[0] if len(paths) == 1 else one.resolve().parent.name
+    name = name_of(one) if len(paths) == 1 else one.resolve().parent.name
     return case_of(found.recordings, name, notes=tuple(found.notes))
 
 
@@ -224,7 +233,7 @@ def histories(
                 )
             }
             chunk = Chunk(time, strain, more.pop("warm"))
-            bare.append(History(path.name.partition(".")[0], chunk, **more))
+            bare.append(History(name_of(path), chunk, **more))
         else:
             files.append(path)
     if files:

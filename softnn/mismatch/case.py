@@ -99,8 +99,7 @@ def read_case(
         found = Found(read_folder(inner), _unlisted(inner))
     else:
         files, notes = files_of(inner, skip)
-        found = read_files(inner, files, options, readers.read)
-        found.notes[:0] = notes
+        found = read_files(inner, files, options, readers.read, notes)
     found.notes += read_notes(found.recordings)
     specimen = {
         Path(k).stem if k.endswith(".csv") else k: v
@@ -171,6 +170,15 @@ def _simulated(recordings: Sequence[Recording]) -> tuple[Array, ...] | None:
     return tuple(r.simulated_MPa for r in recordings if r.simulated_MPa is not None)
 
 
+def _flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
+    """Return a table of tables as one, names joined by points."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        inner = isinstance(value, dict) and value
+        out |= _flat(value, f"{above}{key}.") if inner else {f"{above}{key}": value}
+    return out
+
+
 def _about(path: Path) -> dict:
     if not path.exists():
         return {}
@@ -185,6 +193,8 @@ def _about(path: Path) -> dict:
                 file=path,
             )
         if key == "specimen":
+            # `pull_0.1mm_s = "A"` is a table in a table: TOML cuts names at points.
+            value = about[key] = _flat(value) if isinstance(value, dict) else value
             if not isinstance(value, dict) or not all(
                 isinstance(v, str) for v in value.values()
             ):

@@ -7,6 +7,7 @@ names and units.
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -24,11 +25,14 @@ from softnn.readers.table import Table
 from softnn.readers.units import READINGS, WEIGHTS, Unit, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
+    AXIS,
     COMPRESSIVE,
     DIMENSION,
     DIRECTION,
     GAUGE,
     HEIGHT,
+    LOADED,
+    MOVED,
     ROLES,
     STRETCH,
     plain,
@@ -42,6 +46,18 @@ SENTINELS = (-999.0, -9999.0, -99999.0, -999.25, 999.0, 9999.0, 99999.0, 999999.
              -32768.0, 32767.0, 1e10, -1e10, 1e20, -1e20, 1e30, -1e30)  # fmt: skip
 FAR = 5.0
 DIFFERS = 0.02  # of the range, by which two columns say different things
+
+
+def called(columns: Sequence[Column], wanted: str) -> list[int]:
+    """Columns that a user's name means, or the only one that begins with it."""
+    hits = [
+        i
+        for i, c in enumerate(columns)
+        if wanted in (c.name, str(c))
+        or c.plain in (plain(wanted), split_name(wanted).plain)
+    ]
+    near = [i for i, c in enumerate(columns) if c.plain.startswith(f"{plain(wanted)} ")]
+    return hits or (near if len(near) == 1 else [])
 
 
 class Chosen:
@@ -122,19 +138,7 @@ class Chosen:
         wanted = getattr(self.options, role)
         columns = self.table.columns
         if wanted:
-            hits = [
-                i
-                for i, c in enumerate(columns)
-                if wanted in (c.name, str(c))
-                or c.plain in (plain(wanted), split_name(wanted).plain)
-            ]
-            if not hits:
-                hits = [
-                    i
-                    for i, c in enumerate(columns)
-                    if c.plain.startswith(plain(wanted) + " ")
-                ]
-                hits = hits if len(hits) == 1 else []
+            hits = called(columns, wanted)
             if not hits:
                 raise InputError(
                     f"no column {wanted!r} (--{role}); it has {self.have()}"
@@ -154,12 +158,28 @@ class Chosen:
                 if u is not None and u.dimension == wanted
             ]
         ranked = []
+        axes = self.axes_told(role)
         for i, column in enumerate(columns):
             place = rank(role, column.plain)
             if place is not None and column.plain not in self.rules.ignore:
                 stamps = role == "time" and is_clock(self.table.cells(i))
-                ranked.append((unusual(column.plain), stamps, place, i))
+                other = column.plain not in axes
+                ranked.append((other, unusual(column.plain), stamps, place, i))
         return [i for *_, i in sorted(ranked)]
+
+    def axes_told(self, role: str) -> set[str]:
+        """Plain names of columns that the header calls the axis of the load or travel.
+
+        As in `Load Cell Axis: Fz`.
+        """
+        words = {"force": LOADED, "displacement": MOVED}.get(role)
+        if words is None:
+            return set()
+        return {
+            plain(split_name(entry.value).name)
+            for entry in self.table.header
+            if AXIS.search(plain(entry.key)) and words.search(plain(entry.key))
+        }
 
     def find(self, role: str) -> tuple[int, Unit] | None:
         """The column of a role with its unit, or None; an unknown unit is an error."""
@@ -373,8 +393,11 @@ class Chosen:
                 differs = np.abs(a - b).max() > DIFFERS * np.ptp(a) > 0
             if good.any() and differs:
                 rivals.append(str(column))
-        if rivals and role == "strain":
-            self.refuse_directions(used)
+        if self.table.columns[used].plain in self.axes_told(role):
+            self.notes.append(f"{self.used[role]!r} is the axis that the header names")
+            return
+        if rivals and role in ("strain", "force"):
+            self.refuse_directions(used, role)
         if rivals:
             self.notes.append(
                 f"{self.used[role]!r} is taken as {role}, not {', '.join(rivals[:3])}"
@@ -382,18 +405,18 @@ class Chosen:
                 f"one is named with --{role}"
             )
 
-    def refuse_directions(self, used: int) -> None:
-        """Raise where strains of several directions stand side by side."""
-        columns = [self.table.columns[i] for i in self.candidates("strain")]
+    def refuse_directions(self, used: int, role: str) -> None:
+        """Raise where strains or forces of several directions stand side by side."""
+        columns = [self.table.columns[i] for i in self.candidates(role)]
         if not DIRECTION.search(self.table.columns[used].plain):
             return
-        several = {m[1]: c for c in columns if (m := DIRECTION.search(c.plain))}
+        several = {m[1] or m[2]: c for c in columns if (m := DIRECTION.search(c.plain))}
         if len(several) > 1:
             names = [c.name for c in several.values()]
+            options = [f"--{role} {shlex.quote(name)}" for name in names[:3]]
             raise InputError(
-                f"strains of {len(several)} directions: {', '.join(map(repr, names))}; "
-                f"name the one along the pull with --strain {shlex.quote(names[0])} or "
-                f"--strain {shlex.quote(names[1])}"
+                f"{role}s of {len(several)} directions: {', '.join(map(repr, names))}; "
+                f"name the one along the pull with {' or '.join(options)}"
             )
 
     def flipped(self, column: Column, role: str) -> bool:

@@ -28,6 +28,7 @@ from softnn.contracts import InputError, nearest
 from softnn.json_file import write_text
 from softnn.readers.lacking import Lacking, NoRecording, together
 from softnn.readers.options import ReadOptions, is_called
+from softnn.readers.vocabulary import WHOSE, plain
 from softnn.readers.sizes import NAMES, TABLE, called, row_of, specimens, table_of
 from softnn.recording import Recording
 
@@ -37,7 +38,8 @@ SUFFIXES = (
 )  # fmt: skip
 # Beside recordings, and known to be none: about a case, or made by softnn.
 ABOUT = ("case.toml", "index.csv", "README.md", "SOURCE.md")
-PLOTS = (".png",)  # made by `softnn read`
+PLOTS = (".png",)  # made by `softnn read`, beside the recording of that name
+ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz")
 FEWEST, MOST_OF = 16, 0.9  # samples, and share of the time, of a thinned copy
 SAME = 2e-4  # of the range, within which two recordings are copies: four digits
 
@@ -68,9 +70,11 @@ def files_of(folder: Path, skip: Sequence[str] = ()) -> tuple[list[Path], list[s
                 name[:1] == "."
                 or name in ABOUT
                 or name.casefold() in NAMES
-                or path.suffix.lower() in PLOTS
+                or (path.suffix.lower() in PLOTS and _beside(path, names))
             ):
                 continue
+            elif path.suffix.lower() in ARCHIVES:
+                notes.append(f"{shown}: an archive, not read; unpack it in the folder")
             elif path.suffix.lower() not in SUFFIXES:
                 notes.append(f"{shown}: not a kind of file read")
             elif path.is_file():
@@ -80,6 +84,10 @@ def files_of(folder: Path, skip: Sequence[str] = ()) -> tuple[list[Path], list[s
             else:
                 notes.append(f"{shown}: not a plain file, not read")
     return files, notes
+
+
+def _beside(plot: Path, names: Sequence[str]) -> bool:
+    return plot.with_suffix(".csv").name in names
 
 
 def skipped(name: str, skip: Sequence[str]) -> bool:
@@ -92,14 +100,17 @@ def read_files(
     files: Sequence[Path],
     options: ReadOptions,
     read: Reader,
+    passed: Sequence[str] = (),
 ) -> Found:
     """Recordings of the files; those of `folder` may be no test, others must be one.
 
+    `passed`: notes on files of the folder that are not among them.
     Raises one `InputError` for all files that cannot be read, `Lacking` where nothing
     but sizes and units is missing.
     """
     sizes = {} if folder is None else specimens(folder)
-    found, lacking, wrong = Found(), dict[str, Lacking](), dict[str, InputError]()
+    found = Found(notes=list(passed))
+    lacking, wrong = dict[str, Lacking](), dict[str, InputError]()
     used: set[str] = set()
     copies = _copies(files)
     progress.stage("reading", len(files))
@@ -139,6 +150,7 @@ def read_files(
         raise InputError(_none(found.notes), file=folder)
     check_given(options, found.recordings, files)
     _uncopied(found)
+    _unlabelled(found)
     _named(found)
     return found
 
@@ -255,8 +267,11 @@ def _some(names: Sequence[str], most: int = 5) -> str:
 
 
 def _none(notes: Sequence[str]) -> str:
-    what = f"; passed over: {'; '.join(notes[:5])}" if notes else ""
-    return f"no recordings; files of these kinds are read: {', '.join(SUFFIXES)}{what}"
+    kinds = f"files of these kinds are read: {', '.join(SUFFIXES)}"
+    if not notes:
+        return f"no recordings; {kinds}"
+    more = f" and {len(notes) - 5} more" if len(notes) > 5 else ""
+    return f"no recordings; passed over: {'; '.join(notes[:5])}{more}; {kinds}"
 
 
 def copy_of(one: Recording, others: Sequence[Recording]) -> Recording | None:
@@ -330,6 +345,24 @@ def _place(one: Recording, other: Recording) -> str:
     """Where a recording is from, with the folder where the names are the same."""
     here, there = (Path(r.source).name or r.name for r in (one, other))
     return one.source if here == there and one.source else here
+
+
+def _unlabelled(found: Found) -> None:
+    """No specimen of a line that stands alone above the names in all of the files.
+
+    It is a title. One that says that it names a specimen stays.
+    """
+    labels = [r.log[0].arguments.get("label") if r.log else None for r in found.recordings]
+    sources = {r.source for r in found.recordings}
+    if len(sources) < 2 or len(set(labels)) > 1 or not labels[0]:
+        return
+    if WHOSE.search(plain(labels[0]).partition(" ")[0]):
+        return
+    found.recordings = [replace(r, specimen="") for r in found.recordings]
+    found.notes.append(
+        f"{labels[0][:40]!r} above the columns of all files is taken as a title, not as "
+        "the name of one specimen"
+    )
 
 
 def _uncopied(found: Found) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from fnmatch import fnmatchcase
@@ -9,6 +10,9 @@ from pathlib import Path, PurePosixPath
 
 from softnn.contracts import InputError
 from softnn.recording import Geometry
+
+
+_ENDING = re.compile(r"\.[A-Za-z]\w{0,5}")  # `0.1mm` has none, `a.tra` has one
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,18 @@ class ReadOptions:
     @property
     def geometry(self) -> Geometry:
         return Geometry(**{f.name: getattr(self, f.name) for f in fields(Geometry)})
+
+
+def name_of(file: str | Path) -> str:
+    """The name of a recording: that of its file without the endings.
+
+    >>> name_of("pull_0.1mm_s.csv"), name_of("lab/a.csv.gz"), name_of("Specimen_1.TRA")
+    ('pull_0.1mm_s', 'a', 'Specimen_1')
+    """
+    path = Path(file)
+    if path.suffix.lower() == ".gz":
+        path = path.with_suffix("")
+    return path.stem if _ENDING.fullmatch(path.suffix) else path.name
 
 
 def is_called(file: str | Path, name: str) -> bool:

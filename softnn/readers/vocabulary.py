@@ -53,8 +53,13 @@ _LONGER = (
 _TENSOR = r"^(e|eps|epsilon|\u03b5) ?(xx|yy|zz|x|y|z|11|22|33|1|2)\b"
 # The direction of a strain, where its name ends in one.
 DIRECTION = re.compile(
-    r"^(?:e|eps|epsilon|\u03b5|.*\bstrain) ?(xx|yy|zz|x|y|z|11|22|33)\b"
+    r"^(?:e|eps|epsilon|\u03b5|.*\bstrain) ?(xx|yy|zz|x|y|z|11|22|33)\b|"
+    r"^(?:f|force|load|kraft) ?([xyz])\b"
 )
+# Lines of a header that say which axis was loaded, and moved.
+AXIS = re.compile(r"\b(axis|achse|axe|asse|eje|channel|kanal)\b")
+LOADED = re.compile(r"\b(load|force|kraft)\b")
+MOVED = re.compile(r"\b(stage|motion|position|displacement|travel|weg|crosshead)\b")
 
 # What the machine was told, beside what it measured: taken only where it stands alone.
 SET = re.compile(
