@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from softnn import glance
 from softnn.axes import COMPONENTS, SPECIMEN, Axes, axes_of
@@ -68,6 +69,43 @@ class Geometry:
         if self.diameter_mm is not None:
             return np.pi * self.diameter_mm**2 / 4
         return None
+
+
+def history_of(
+    history: Recording | ArrayLike,
+    strain: ArrayLike | None = None,
+    temperature_C: ArrayLike | None = None,
+) -> tuple[str, Chunk]:
+    """Return the name and the strain history of a recording, or of times and strains.
+
+    Times (n,) [s] must not go back; strains (n,) are numbers. Raises `InputError`.
+
+    >>> history_of([0, 1, 2], [0, 0.1, 0.2])[1].strain.tolist()
+    [0.0, 0.1, 0.2]
+    """
+    if isinstance(history, Recording):
+        if strain is not None or temperature_C is not None:
+            raise InputError(
+                "a recording has its own strain and temperature; give times and strain, "
+                "or a recording alone"
+            )
+        return history.name, history.history
+    if strain is None:
+        raise InputError("strain is missing; give a recording, or times and strain")
+    columns = [np.asarray(v, dtype=float) for v in (history, strain)]
+    if temperature_C is not None:
+        columns.append(np.asarray(temperature_C, dtype=float))
+    time = columns[0]
+    if any(v.shape != time.shape or v.ndim != 1 for v in columns) or len(time) < 2:
+        raise InputError(
+            f"shapes are {[v.shape for v in columns]}; allowed are rows of one length, "
+            "at least two samples"
+        )
+    if not all(np.isfinite(v).all() for v in columns) or np.any(np.diff(time) < 0):
+        raise InputError(
+            "time, strain and temperature must be numbers, and time must not go back"
+        )
+    return "programme", Chunk(*columns)
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from softnn.plausible import (
     scattered,
     understood,
 )
-from softnn.progress import Listener, heard, stage
+from softnn.progress import Listener, Shown, heard, stage, watched
 from softnn.readers import ReadOptions
 from softnn.readers.arguments import as_arguments
 from softnn.readers.folder import read_files, without_copies
@@ -304,7 +304,7 @@ def diagnose(
     if it goes on from the one before; None takes the case's own, else "fresh".
     `specimen`: maps names of recordings to names of specimens. `as_is`: accept
     implausible numbers. `progress`: called with a `softnn.progress.Progress` from time
-    to time. `given`: as for `read`, if files are read. Returns a `Diagnosis`. Raises
+    to time; None shows a bar on a terminal and in a notebook. `given`: as for `read`, if files are read. Returns a `Diagnosis`. Raises
     `InputError`.
 
     >>> import numpy as np
@@ -319,7 +319,8 @@ def diagnose(
     >>> found.model.simulate(found.case.recordings[0])[100].round(2)
     np.float64(0.4)
     """
-    with heard(progress):
+    shown = Shown("softnn", quiet=progress is not None or not watched())
+    with shown, heard(progress if shown.quiet else shown):
         case = _given_case(recordings, given)
         if history is not None and history not in HISTORIES:
             raise InputError(
