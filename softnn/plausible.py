@@ -105,7 +105,9 @@ class Advice:
         """What to do where the strain may be in per cent, or the length is wrong."""
         length, travel = self.recording.geometry.length_mm, self.made_of("displacement")
         if length is None or not travel or self.made_of("strain"):
-            return f"is strain in per cent? Divide it by 100 ({self.unit('strain', '%')})"
+            return (
+                f"is strain in per cent? Divide it by 100 ({self.unit('strain', '%')})"
+            )
         return (
             f"strain is {travel!r} over a length of {length:.4g} mm: is that length in "
             "mm (--length MM), and is the unit of the travel right?"
@@ -116,8 +118,8 @@ class Advice:
         area, force = self.recording.geometry.area, self.made_of("force")
         if area is None or not force or self.made_of("stress"):
             return (
-                f"is stress in kPa ({self.unit('stress', 'kPa')}) or Pa, or a force? It "
-                "must be in MPa"
+                f"is stress in kPa ({self.unit('stress', 'kPa')}) or Pa, or a force? "
+                "It must be in MPa"
             )
         return (
             f"stress is {force!r} over a section of {area:.4g} mm2: is that section in "
@@ -526,9 +528,7 @@ def _notes(time: Array, strain: Array, stress: Array, advice: Advice) -> list[st
         like = "as of tendon or a plastic" if stiffness > TISSUE_MPa else (
             "more than most elastomers have"
         )  # fmt: skip
-        notes.append(
-            f"stiffness is {stiffness:.3g} MPa, {like}; {advice.pascal()}"
-        )
+        notes.append(f"stiffness is {stiffness:.3g} MPa, {like}; {advice.pascal()}")
     rate = fastest(time, strain)
     counted = np.median(np.diff(time)) >= COUNTED and not np.any(time % 1)
     if 0 < rate < SLOWEST_per_s:
@@ -554,8 +554,8 @@ def _notes(time: Array, strain: Array, stress: Array, advice: Advice) -> list[st
     first = at_rest(strain, stress)
     if first is not None and abs(first) > OFF * np.ptp(stress):
         notes.append(
-            f"stress begins at {first:.3g} MPa with no strain; if the load cell was not "
-            "zeroed, take that off with --zero-stress"
+            f"stress begins at {first:.3g} MPa with no strain, an offset or a preload; "
+            "if the load cell was not zeroed, take it off with --zero-stress"
         )
     return notes
 
@@ -601,8 +601,8 @@ def _begins(
         return
     if not axes.component and stretch:
         tell(
-            f"strain begins at {first:.4g} with little stress, as a stretch ratio does; "
-            f"if it is one, say {advice.unit('strain', 'stretch')}",
+            f"strain begins at {first:.4g} with little stress, as a stretch ratio does;"
+            f" if it is one, say {advice.unit('strain', 'stretch')}",
             x.column,
         )
         return

@@ -141,7 +141,7 @@ def _tell(told: _Told) -> None:
 
 
 def watched() -> bool:
-    """Whether somebody watches, on a terminal or in a notebook, and nothing else tells."""
+    """Whether somebody watches, on a terminal or in a notebook; nothing else tells."""
     return _TOLD.get() is None and (sys.stderr.isatty() or _notebook())
 
 

@@ -43,7 +43,9 @@ class Geometry:
         if self.area_mm2 is not None:
             sections[f"area {self.area_mm2:g} mm2"] = self.area_mm2
         if self.width_mm is not None and self.thickness_mm is not None:
-            name = f"width {self.width_mm:g} mm times thickness {self.thickness_mm:g} mm"
+            name = (
+                f"width {self.width_mm:g} mm times thickness {self.thickness_mm:g} mm"
+            )
             sections[name] = self.width_mm * self.thickness_mm
         if self.diameter_mm is not None:
             circle = np.pi * self.diameter_mm**2 / 4
@@ -86,8 +88,8 @@ def history_of(
     if isinstance(history, Recording):
         if strain is not None or temperature_C is not None:
             raise InputError(
-                "a recording has its own strain and temperature; give times and strain, "
-                "or a recording alone"
+                "a recording has its own strain and temperature; give times and "
+                "strain, or a recording alone"
             )
         return history.name, history.history
     if strain is None:
@@ -105,7 +107,7 @@ def history_of(
         raise InputError(
             "time, strain and temperature must be numbers, and time must not go back"
         )
-    return "programme", Chunk(*columns)
+    return "programme", Chunk(time, columns[1], columns[2] if columns[2:] else None)
 
 
 @dataclass(frozen=True)

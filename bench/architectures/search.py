@@ -106,7 +106,8 @@ def searched(
         if every:
             networks[0]["whole"] = whole_errors(kept, every)
             if takes is rest.convex or takes["model"].startswith("PL"):
-                takes["whole"] = whole_errors(never, every)
+                row = next(r for r in rest.rows if r is takes)
+                row["whole"] = whole_errors(never, every)
         shown = {"cycles": data.cycles, "unloads": any(map(unloads, every))}
         how = f"--data {settings.data} --cycles"
         trained_on = basis(data.material, shown, networks[0] if every else None, how)
@@ -248,7 +249,9 @@ def figures(known: Mapping[str, Any], takes: Mapping[str, Any]) -> dict[str, flo
     }
 
 
-def whole_errors(network: StoredNetwork, recordings: Sequence[Recording]) -> list[float]:
+def whole_errors(
+    network: StoredNetwork, recordings: Sequence[Recording]
+) -> list[float]:
     """NRMSE of a network over each whole recording, as `softnn simulate` prints it."""
     stress = network.stress(
         [r.name for r in recordings],

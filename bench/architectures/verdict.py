@@ -187,7 +187,7 @@ def basis(
     whole: Row | None,
     how: str,
 ) -> str:
-    """What the networks were trained on, and how far off they are over whole recordings.
+    """What networks were trained on, and how far off they are over whole recordings.
 
     `shown`: whether they saw whole "cycles", and whether a recording "unloads";
     `whole`: the row of a network with its NRMSE by recording under "whole"; `how`: the
@@ -201,7 +201,9 @@ def basis(
             "network here has seen unloading."
         )
     else:
-        return f"Trained and tested on first loadings; no recording of {material} unloads."
+        return (
+            f"Trained and tested on first loadings; no recording of {material} unloads."
+        )
     if whole is not None:
         errors = [100 * e for e in whole["whole"]]
         said += (

@@ -129,8 +129,8 @@ def plausible(case: Case, as_is: bool = False) -> Case:
     if len(materials) > 1:
         notes.append(
             f"recordings of {len(materials)} materials ({', '.join(materials[:4])}) in "
-            "one case: one model has to fit them all; name the files of one material, as "
-            f"softnn diagnose {shlex.quote(Path(case.recordings[0].source).name)} ..."
+            "one case: one model has to fit them all; name the files of one material, "
+            f"as softnn diagnose {shlex.quote(Path(case.recordings[0].source).name)} .."
         )
     notes += going_on(case.recordings, case.history)
     if not case.groups():
@@ -143,19 +143,18 @@ def _each(case: Case, check: Callable[[Recording, bool], Any]) -> list[str]:
 
     Raises its `InputError`, with advice for one file alone unless all files need it.
     """
-    notes, wrong = list[str](), list[Recording]()
+    notes, wrong = list[str](), list[tuple[Recording, InputError]]()
     for one in case.recordings:
         try:
             notes += check(one, False) or ()
         except InputError as error:
-            wrong.append(one)
-            first = first if len(wrong) > 1 else error
+            wrong.append((one, error))
     if not wrong:
         return notes
-    if len({r.source for r in wrong}) == len({r.source for r in case.recordings}):
-        raise first
-    check(wrong[0], True)
-    raise first
+    first, told = wrong[0]
+    if len({r.source for r, _ in wrong}) < len({r.source for r in case.recordings}):
+        check(first, True)
+    raise told
 
 
 def _once(case: Case) -> Case:
@@ -304,8 +303,8 @@ def diagnose(
     if it goes on from the one before; None takes the case's own, else "fresh".
     `specimen`: maps names of recordings to names of specimens. `as_is`: accept
     implausible numbers. `progress`: called with a `softnn.progress.Progress` from time
-    to time; None shows a bar on a terminal and in a notebook. `given`: as for `read`, if files are read. Returns a `Diagnosis`. Raises
-    `InputError`.
+    to time; None shows a bar on a terminal and in a notebook. `given`: as for `read`,
+    if files are read. Returns a `Diagnosis`. Raises `InputError`.
 
     >>> import numpy as np
     >>> time = np.linspace(0, 20, 201)

@@ -113,7 +113,7 @@ def as_arguments(text: str) -> str:
             return name + ("=..." if value else "")
         return match[0]
 
-    word = r"(?:'[^']*'|[^\s',;]+)"
+    word = r"(?:'[^']*'|[^\s',;]*[^\s',;.?)])"
     text = re.sub(rf"--unit {word}(?:,? --unit {word})*", gathered, text)
     text = re.sub(rf"--skip {word}(?: --skip {word})*", gathered, text)
     text = text.replace("--unit", "units={COLUMN: UNIT}")

@@ -55,9 +55,9 @@ LOST = 5  # samples or a fiftieth, that may stand far off together
 AGAINST = -0.5  # correlation of load and travel, where one has the sign reversed
 # What is read of a dynamic test, in place of a sweep over frequencies.
 SWEEP = (
-    "a sweep is a result: what softnn reads is the history, columns of time, strain and "
-    "stress (waveforms; softnn.dynamic makes storage and loss modulus of them), or an "
-    "axial, ramp or relaxation step; export that"
+    "a sweep is a result. softnn reads histories: columns of time, strain and stress "
+    "of the waveforms (softnn.dynamic makes storage and loss modulus of them), or an "
+    "axial, ramp or relaxation step; export those"
 )
 ROUNDED = "{!r} is rounded, and rows share a time: they are spread evenly"
 DISAGREE = 3.0  # a column against force / area or displacement / length
@@ -508,24 +508,27 @@ class _Assembly(Chosen):
     def check_time(self, time: Array, strain: Array) -> None:
         """Name the row of the file, which a Recording no longer knows."""
         column = self.used.get("time")
-        at = [i for i, c in enumerate(self.table.columns) if i in self.cells
-              and column is not None and c.name == column.partition(" [")[0]]  # fmt: skip
-        texts = [str(c) for c in self.table.cells(at[0])] if at else []
-        for bad, what in (
-            (
-                np.isnan(time),
+        missing, back = np.isnan(time), np.diff(time, prepend=time[:1]) < 0
+        if missing.any():
+            bad = missing
+            what = (
                 "no time; every row needs one. Leave such rows out with "
-                "--skip-bad-cells, if they are few",
-            ),
-            (np.diff(time, prepend=time[:1]) < 0, backwards(time, strain, texts)),
-        ):
-            if bad.any():
-                raise InputError(
-                    what,
-                    file=self.table.where,
-                    row=int(self.table.lines[int(bad.argmax())]),
-                    column=self.used.get("time"),
-                )
+                "--skip-bad-cells, if they are few"
+            )
+        elif back.any():
+            bad = back
+            at = [i for i, c in enumerate(self.table.columns) if i in self.cells
+                  and column and c.name == column.partition(" [")[0]]  # fmt: skip
+            texts = [str(c) for c in self.table.cells(at[0])] if at else []
+            what = backwards(time, strain, texts)
+        else:
+            return
+        raise InputError(
+            what,
+            file=self.table.where,
+            row=int(self.table.lines[int(bad.argmax())]),
+            column=column,
+        )
 
     def check_size(self, values: Array, limit: float, what: str, option: str) -> None:
         too_large = np.abs(values) > limit
@@ -625,7 +628,8 @@ def backwards(time: Array, strain: Array, texts: Sequence[str] = ()) -> str:
             "time goes back in the last row alone; if that row is a mean or a sum, "
             "delete it"
         )
-    if len(again) and time[again[0] + 1] <= time[0] + 2 * abs(np.nanmedian(step)):
+    few = len(again) == 1 or len(again) <= 0.1 * len(step)  # more is no order at all
+    if few and time[again[0] + 1] <= time[0] + 2 * abs(np.nanmedian(step)):
         return (
             "time starts again, as where a second test or step begins; split the file "
             "there if it is another test, or, if one test goes on, number its samples "
@@ -698,7 +702,7 @@ def _for_table(
     options: ReadOptions, table: Table, every: Sequence[Table]
 ) -> ReadOptions:
     """The options without columns that only other tables of the file have."""
-    gone = {
+    gone: dict[str, Any] = {
         role: ""
         for role in DIMENSION
         if (wanted := getattr(options, role))
@@ -772,10 +776,7 @@ def _has_both(table: Table, options: ReadOptions) -> bool:
 def _is_test(table: Table, options: ReadOptions) -> bool:
     timed = options.interval_s or options.rate_per_s or _has(table, options, "time")
     return bool(
-        len(table.rows) > 1
-        and not swept(table)
-        and timed
-        and _has_both(table, options)
+        len(table.rows) > 1 and not swept(table) and timed and _has_both(table, options)
     )
 
 
@@ -798,8 +799,8 @@ def read_source(source: Source, rules: Rules, options: ReadOptions) -> list[Reco
         (hidden if sheet.hidden else shown).extend(found)
     if wrong and not any(_is_test(t, options) for t in shown):
         raise next(iter(wrong.values()))
-    for name, error in wrong.items():
-        said = str(error).removeprefix(str(error.file)).lstrip(":, ")
+    for name, told in wrong.items():
+        said = str(told).removeprefix(str(told.file)).lstrip(":, ")
         note = f"sheet {name!r} is left out: {said}"
         rules = replace(rules, notes=(*rules.notes, note))
     if any(_is_test(t, options) for t in shown):

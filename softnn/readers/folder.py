@@ -28,8 +28,8 @@ from softnn.contracts import InputError, nearest
 from softnn.json_file import write_text
 from softnn.readers.lacking import Lacking, NoRecording, together
 from softnn.readers.options import ReadOptions, is_called
-from softnn.readers.vocabulary import WHOSE, plain
 from softnn.readers.sizes import NAMES, TABLE, called, row_of, specimens, table_of
+from softnn.readers.vocabulary import WHOSE, plain
 from softnn.recording import Recording
 
 SUFFIXES = (
@@ -224,7 +224,7 @@ def _refuse(
 ) -> None:
     if not wrong and not lacking:
         return
-    if len(wrong) + len(lacking) == 1:
+    if len(wrong) + len(lacking) == 1 and (wrong or not others):
         raise next(iter((*wrong.values(), *lacking.values())))
     if wrong:
         told = "; ".join(str(e) for e in list(wrong.values())[:5])
@@ -352,7 +352,9 @@ def _unlabelled(found: Found) -> None:
 
     It is a title. One that says that it names a specimen stays.
     """
-    labels = [r.log[0].arguments.get("label") if r.log else None for r in found.recordings]
+    labels = [
+        r.log[0].arguments.get("label") if r.log else None for r in found.recordings
+    ]
     sources = {r.source for r in found.recordings}
     if len(sources) < 2 or len(set(labels)) > 1 or not labels[0]:
         return
@@ -360,8 +362,8 @@ def _unlabelled(found: Found) -> None:
         return
     found.recordings = [replace(r, specimen="") for r in found.recordings]
     found.notes.append(
-        f"{labels[0][:40]!r} above the columns of all files is taken as a title, not as "
-        "the name of one specimen"
+        f"{labels[0][:40]!r} above the columns of all files is taken as a title, not "
+        "as the name of one specimen"
     )
 
 

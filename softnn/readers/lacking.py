@@ -166,7 +166,7 @@ def together(lacking: Mapping[str, Lacking], others: bool) -> Lacking:
     name in another unit, or with numbers that speak for another.
     """
     units: dict[str, str] = {}
-    about: dict[str, dict[str, Any]] = {"unknown": {}, "likely": {}, "values": {}}
+    about: Any = {"unknown": {}, "likely": {}, "values": {}}
     for column in dict.fromkeys(c for one in lacking.values() for c in one.units):
         of = {file: one for file, one in lacking.items() if column in one.units}
         likely = [one.likely.get(column, "") for one in of.values()]

@@ -11,7 +11,6 @@ from pathlib import Path, PurePosixPath
 from softnn.contracts import InputError
 from softnn.recording import Geometry
 
-
 _ENDING = re.compile(r"\.[A-Za-z]\w{0,5}")  # `0.1mm` has none, `a.tra` has one
 
 

@@ -176,8 +176,8 @@ def _fitted(cells: Sequence[Cell], width: int, unitless: bool) -> list[Cell]:
 
 
 _MARKER = re.compile(
-    r"^\s*([<\[{(].*[>\]})]|[\W_]*|[\W_]*((begin|start|end) )?(of )?((raw|test|measured|"
-    r"measurement|experimental|export(ed)?|channel|sensor|scan) )*"
+    r"^\s*([<\[{(].*[>\]})]|[\W_]*|[\W_]*((begin|start|end) )?(of )?"
+    r"((raw|test|measured|measurement|experimental|export(ed)?|channel|sensor) )*"
     r"(data|values?|table|results?|recordings?|samples?|points|readings?|curves?|"
     r"messwerte|daten|donnees|datos|dati|dane)[\W_]*)\s*$",
     re.I,

@@ -178,7 +178,7 @@ def one_test(
 
 
 def _turns(table: Table, options: ReadOptions) -> bool:
-    """Whether a plate turned, and the gap stood still: torque and angle are the test."""
+    """Whether a plate turned and the gap stood still: torque and angle are the test."""
     at = {c.plain: i for i, c in enumerate(table.columns)}
     angle = _angle(table)
     if "torque" not in at or angle is None:
