@@ -528,9 +528,11 @@ def test_a_quantity_a_sheet_is_refused_with_what_to_do(tmp_path):
 
 def test_a_sweep_says_what_would_be_read(tmp_path):
     f = np.array([0.1, 0.2, 0.5, 1.0, 2.0, 5.0])
-    file = written(tmp_path / "a.csv",
-                   "Time (s),Frequency (Hz),Strain (%),Stress (MPa),"
-                   "Storage modulus (MPa),Loss modulus (MPa)", 10 * f, f, f, f, 1 + f, f)  # fmt: skip
+    header = (
+        "Time (s),Frequency (Hz),Strain (%),Stress (MPa),Storage modulus (MPa),"
+        "Loss modulus (MPa)"
+    )
+    file = written(tmp_path / "a.csv", header, 10 * f, f, f, f, 1 + f, f)
     with pytest.raises(
         InputError, match=r"columns of time, strain and stress.*dynamic"
     ):
