@@ -32,6 +32,9 @@ STIFF_MPa = 10.0  # few elastomers are stiffer, and a gel of 10 kPa is, in kPa
 TISSUE_MPa, STRETCHES, BEARS_MPa = 100.0, 0.3, 250.0
 STRAIGHT = 0.04  # of the peak stress, off a chord: at a strain of 1 rubber is 0.1 off
 LARGE = 7.0  # of strain: few elastomers reach it
+TINY = 0.005  # of strain: few tests of soft materials stay below it
+ALONE = 0.3  # of a peak, that its neighbours stay below: one wrong sample
+APART_FROM = 0.3  # correlation of strain and stress, below which both are but noise
 # Of strain, where it moves most: a tenth a second in ms, and in min.
 SLOWEST_per_s, FASTEST_per_s = 2e-4, 5.0
 AGAINST = -0.5  # correlation of stress and strain, below which one is reversed
@@ -101,6 +104,18 @@ class Advice:
         used = read.get("columns", {})
         return next((str(used[r]) for r in roles if r in used), "")
 
+    def small(self) -> str:
+        """What to do where a strain is too small for the stress."""
+        travel, strain = self.made_of("displacement"), self.made_of("strain")
+        if travel and not strain:
+            return (
+                f"strain is {travel!r} over a length of "
+                f"{self.recording.geometry.length_mm:.4g} mm: are both in mm?"
+            )
+        if "%" in strain:
+            return f"is strain a fraction ({self.unit('strain', 'mm/mm')})?"
+        return self.pascal()
+
     def percent(self) -> str:
         """What to do where the strain may be in per cent, or the length is wrong."""
         length, travel = self.recording.geometry.length_mm, self.made_of("displacement")
@@ -161,6 +176,7 @@ def check_plausible(
         notes.append(message)
 
     _still(strain, stress, axes, note if history == "continued" else refuse)
+    _noise(strain, stress, axes, refuse)
     if np.ptp(strain) == 0:
         return [f"{recording.name}: {said}" for said in notes]
     if np.ptp(stress) < STILL:
@@ -436,6 +452,28 @@ def _apart(one: Recording, other: Recording) -> float:
     return float(np.quantile(np.abs(differs), 0.9) / max(float(np.ptp(s)), 1e-300))
 
 
+def _noise(strain: Array, stress: Array, axes: Axes, refuse: Tell) -> None:
+    """Refuse a stress that is but noise, whatever the strain does."""
+    if len(strain) < FEWEST or np.ptp(strain) == 0:
+        return
+    usual = np.clip(
+        stress, *np.quantile(stress, (0.02, 0.98))
+    )  # short of wrong samples
+    if np.ptp(usual) == 0 or white(usual) < WHITE:
+        return
+    if abs(float(np.corrcoef(strain, usual)[0, 1])) > APART_FROM:
+        return  # cycles of a few samples each look alike
+    x, y = axes.strain, axes.stress
+    what, when = f"{y.name} is", f"while {x.name} moves"
+    if white(strain) >= WHITE:
+        what, when = f"{x.name} and {y.name} are", "throughout"
+    refuse(
+        f"{what} noise, of {np.std(usual):.2g} {y.unit} {when}; is the load cell "
+        "connected, and is it the right column?",
+        y.column,
+    )
+
+
 def _possible(strain: Array, stress: Array, advice: Advice, refuse: Tell) -> None:
     """Refuse a specimen shorter than nothing."""
     if strain.min() > -1:
@@ -455,6 +493,14 @@ def _stiffness(strain: Array, stress: Array, advice: Advice, refuse: Tell) -> No
     allowed = f"soft materials and tissue have {SOFTEST_MPa:g} to {STIFFEST_MPa:g}"
     far = np.ptp(strain) > STRETCHES or np.abs(stress).max() > BEARS_MPa
     if stiffness > STIFFEST_MPa or (stiffness > TISSUE_MPa and far):
+        peak = int(np.argmax(np.abs(stress)))
+        beside = np.abs(stress[[max(peak - 1, 0), min(peak + 1, len(stress) - 1)]])
+        if len(stress) >= FEWEST and beside.max() < ALONE * abs(stress[peak]):
+            refuse(
+                f"stress is {stress[peak]:.4g} MPa in one sample, and "
+                f"{beside.max():.4g} MPa in those beside it; delete that row",
+                "stress_MPa",
+            )
         also = "" if stiffness > STIFFEST_MPa else (
             f", yet a material stiffer than {TISSUE_MPa:g} MPa tears before a strain "
             f"of {STRETCHES:g} or a stress of {BEARS_MPa:g} MPa"
@@ -528,7 +574,9 @@ def _notes(time: Array, strain: Array, stress: Array, advice: Advice) -> list[st
         like = "as of tendon or a plastic" if stiffness > TISSUE_MPa else (
             "more than most elastomers have"
         )  # fmt: skip
-        notes.append(f"stiffness is {stiffness:.3g} MPa, {like}; {advice.pascal()}")
+        far = f", and strain reaches {100 * top:.3g} % at most" if top < TINY else ""
+        how = advice.small() if top < TINY else advice.pascal()
+        notes.append(f"stiffness is {stiffness:.3g} MPa, {like}{far}; {how}")
     rate = fastest(time, strain)
     counted = np.median(np.diff(time)) >= COUNTED and not np.any(time % 1)
     if 0 < rate < SLOWEST_per_s:
@@ -599,10 +647,13 @@ def _begins(
     x, stretch = axes.strain, 0.9 < first < 1.1
     if not unloaded(stress) and not stretch:
         return
+    # A ratio in per cent has no unit of its own.
+    percent = "%" in advice.made_of("strain")
+    ratio = "--zero" if percent else advice.unit("strain", "stretch")
     if not axes.component and stretch:
         tell(
             f"strain begins at {first:.4g} with little stress, as a stretch ratio does;"
-            f" if it is one, say {advice.unit('strain', 'stretch')}",
+            f" if it is one, say {ratio}",
             x.column,
         )
         return

@@ -317,9 +317,14 @@ def check_columns(
     backwards = np.diff(time) < 0
     if backwards.any():
         i = int(backwards.argmax()) + 1
+        # To sort would scramble rows of two tests, or of a clock without its zeros.
+        reverse = "sort the rows by time" if np.all(np.diff(time) <= 0) else (
+            "split the file where a new test begins, or number its samples with "
+            "--interval SECONDS"
+        )  # fmt: skip
         fail(
             f"time goes backwards, from {time[i - 1]:.9g} to {time[i]:.9g} s; "
-            "sort the rows or split the file where a new test begins",
+            f"{reverse}",
             i,
             "time_s",
         )

@@ -17,6 +17,7 @@ import softnn
 from softnn.contracts import InputError
 from softnn.mismatch.api import to_case
 from softnn.mismatch.batch import Job, diagnose_one
+from softnn.plausible import check_plausible
 from softnn.readers import ReadOptions, read
 from softnn.readers.arguments import add_options, options_of
 from softnn.readers.lacking import Lacking
@@ -579,3 +580,58 @@ def test_a_programme_needs_no_stress_and_warns_beyond_the_recordings():
         model.simulate(time)
     with pytest.raises(InputError, match="time must not go back"):
         model.simulate([1, 0], [0, 0.1])
+
+
+# -- other causes that are named -------------------------------------------------------
+
+
+def loaded(**change):
+    columns = {"time": TIME, "strain": STRAIN, "stress": STRESS} | change
+    return softnn.Recording(columns["time"], columns["strain"], columns["stress"])
+
+
+NOISE = np.random.default_rng(0).standard_normal(len(TIME))
+CAUSES = {
+    "noise alone": (
+        {"strain": 1e-5 * NOISE[::-1], "stress": 1e-4 * NOISE},
+        "strain and stress are noise",
+    ),
+    "a load cell that is not connected": ({"stress": 1e-3 * NOISE}, "stress is noise"),
+    "one wrong sample": (
+        {"stress": np.where(np.arange(len(TIME)) == 50, 60.0, STRESS)},
+        "60 MPa in one sample",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "said"), CAUSES.values(), ids=CAUSES)
+def test_the_cause_is_named_not_a_unit(change, said):
+    with pytest.raises(InputError, match=said) as error:
+        check_plausible(loaded(**change))
+    assert "--unit" not in str(error.value)
+
+
+def test_a_fraction_under_per_cent_is_the_cause_that_is_noted(tmp_path):
+    file = written(
+        tmp_path / "a.csv", "Time (s),Strain (%),Stress (MPa)", TIME, STRAIN, 2 * STRESS
+    )
+    (note,) = [n for n in to_case(file).notes if "stiffness" in n]
+    assert "is strain a fraction (--unit strain=mm/mm)" in note
+    right_one = to_case(file, units={"strain": "mm/mm"}).recordings[0]
+    np.testing.assert_allclose(right_one.strain, STRAIN, atol=1e-6)
+
+
+def test_a_stretch_ratio_in_per_cent_is_mended_by_the_advice(tmp_path):
+    header = "Time (s),Strain (%),Stress (MPa)"
+    file = written(tmp_path / "a.csv", header, TIME, 100 * (1 + STRAIN), STRESS)
+    with pytest.raises(InputError, match="say --zero"):
+        to_case(file)
+    one = to_case(file, zero=True).recordings[0]
+    np.testing.assert_allclose(one.strain, STRAIN, atol=1e-5)
+
+
+def test_a_column_that_is_there_twice_is_refused(tmp_path):
+    file = written(tmp_path / "a.csv", "time_s,strain,strain,stress_MPa", TIME, STRAIN,
+                   STRAIN, STRESS)  # fmt: skip
+    with pytest.raises(InputError, match="'strain' is there twice"):
+        read(file)

@@ -90,6 +90,8 @@ class _Assembly(Chosen):
             raise NoRecording(
                 f"no columns of a test; it has {self.have()}; name them with --time, "
                 "--force or --stress, and --displacement or --strain"
+                + "; a component has time_s,deflection_deg,torque_Nm"
+                * any("torque" in c.plain for c in table.columns)
             )
         force, stress, strain, elongation, time = self.channels()
         self.check_short()
