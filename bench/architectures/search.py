@@ -99,10 +99,13 @@ def searched(
             network_row(use, one, anew[use], trainer, rest) for use, one in best.items()
         ]
         rows = [*networks, *rest.rows]
-        said, takes = sentences(networks, rest.convex, rest.baselines, judge.unseen)
+        every = recorded(settings, data)
+        parts = "whole recordings" if data.cycles else "first loadings" if every else ""
+        said, takes = sentences(
+            networks, rest.convex, rest.baselines, judge.unseen, parts
+        )
         kept = trainer.whole(best["random"].trial.result["configuration"])
         never = rest.network(takes)
-        every = recorded(settings, data)
         if every:
             networks[0]["whole"] = whole_errors(kept, every)
             if takes is rest.convex or takes["model"].startswith("PL"):

@@ -77,16 +77,22 @@ def mean(values: Sequence[float] | str | None) -> str | None:
 
 
 def sentences(
-    networks: Sequence[Row], convex: Row | None, others: Sequence[Row], unseen: str
+    networks: Sequence[Row],
+    convex: Row | None,
+    others: Sequence[Row],
+    unseen: str,
+    parts: str = "",
 ) -> tuple[list[str], Row]:
     """One sentence for recordings one has, one for the unseen; the row of the latter.
 
     `networks` are the choices of the search, the first that for recordings one has.
+    `parts`: what of the recordings the folds are of, "" for all.
     """
     first = networks[0]
     rival = best_of(others, "random")
     known = f"For recordings you have, take {first['model']}: {of(first, 'random')} "
-    known += f"by random folds{against(first, rival, 'random')}; "
+    known += f"by random folds{f' of {parts}' if parts else ''}"
+    known += f"{against(first, rival, 'random')}; "
     known += f"at a {unseen} never seen it has {of(first, 'unseen')}"
     takes, rival = never_seen(networks, convex, others)
     gap = compared(first, takes, "unseen")
