@@ -50,12 +50,11 @@ DIFFERS = 0.02  # of the range, by which two columns say different things
 
 def called(columns: Sequence[Column], wanted: str) -> list[int]:
     """Columns that a user's name means, or the only one that begins with it."""
-    hits = [
-        i
-        for i, c in enumerate(columns)
-        if wanted in (c.name, str(c))
-        or c.plain in (plain(wanted), split_name(wanted).plain)
-    ]
+    hits: list[int] = []
+    for name in (wanted, plain(wanted), split_name(wanted).plain):
+        hits = hits or [
+            i for i, c in enumerate(columns) if name in (c.name, str(c), c.plain)
+        ]
     near = [i for i, c in enumerate(columns) if c.plain.startswith(f"{plain(wanted)} ")]
     return hits or (near if len(near) == 1 else [])
 
