@@ -19,6 +19,7 @@ from softnn.fit import Data
 from softnn.metrics import BAND, weights
 from softnn.model_file import HISTORIES
 from softnn.models.bases import BASES
+from softnn.plausible import Advice
 from softnn.readers import ReadOptions
 from softnn.readers.folder import Found, files_of, read_files
 from softnn.readers.tidy import read_folder, read_text
@@ -100,8 +101,7 @@ def read_case(
         found = Found(read_folder(inner), _unlisted(inner))
     else:
         files, notes = files_of(inner, skip)
-        found = read_files(inner, files, options, readers.read)
-        found.notes[:0] = notes
+        found = read_files(inner, files, options, readers.read, notes)
     found.notes += read_notes(found.recordings)
     specimen = {
         Path(k).stem if k.endswith(".csv") else k: v
@@ -172,6 +172,15 @@ def _simulated(recordings: Sequence[Recording]) -> tuple[Array, ...] | None:
     return tuple(r.simulated_MPa for r in recordings if r.simulated_MPa is not None)
 
 
+def _flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
+    """Return a table of tables as one, names joined by points."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        inner = isinstance(value, dict) and value
+        out |= _flat(value, f"{above}{key}.") if inner else {f"{above}{key}": value}
+    return out
+
+
 def _about(path: Path) -> dict:
     if not path.exists():
         return {}
@@ -186,6 +195,8 @@ def _about(path: Path) -> dict:
                 file=path,
             )
         if key == "specimen":
+            # `pull_0.1mm_s = "A"` is a table in a table: TOML cuts names at points.
+            value = about[key] = _flat(value) if isinstance(value, dict) else value
             if not isinstance(value, dict) or not all(
                 isinstance(v, str) for v in value.values()
             ):
@@ -208,14 +219,20 @@ def _about(path: Path) -> dict:
     return about
 
 
-def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
-    """Raise `InputError` on a likely wrong unit, or if nothing can be diagnosed."""
+def check_sizes(
+    recording: Recording, file: str | Path | None = None, alone: bool = False
+) -> None:
+    """Raise `InputError` on a likely wrong unit, or if nothing can be diagnosed.
+
+    `alone`: its advice must act on this file alone.
+    """
+    advice = Advice(recording, alone)
     strain = np.nanmax(np.abs(recording.strain))
     known = not recording.axes.component  # a component may have any size
     if known and strain > LARGEST_STRAIN:
         raise InputError(
-            f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; is it in per "
-            "cent? It must be a plain number: divide by 100, or say --unit strain=%",
+            f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; "
+            f"{advice.percent()}",
             file=file,
             row=_row(recording, recording.strain),
             column="strain",
@@ -223,7 +240,7 @@ def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
     stress = np.nanmax(np.abs(recording.stress_MPa))
     if known and stress > LARGEST_STRESS_MPa:
         raise InputError(
-            f"stress reaches {stress:.4g} MPa; is it in Pa or kPa? It must be in MPa",
+            f"stress reaches {stress:.4g} MPa; {advice.pascal()}",
             file=file,
             row=_row(recording, recording.stress_MPa),
             column="stress_MPa",
