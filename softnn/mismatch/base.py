@@ -144,21 +144,23 @@ def weigh_by(engine: Engine, noise: Sequence[Noise]) -> None:
 
 def baseline(
     data: Data,
-    name: str,
+    name: str | Base,
     groups: Sequence[tuple[int, ...]] = (),
     fine: Data | None = None,
 ) -> Baseline:
-    """Return the base `name` refitted to the data; noise from `fine` if it is given."""
+    """Return a base refitted to the data; noise from `fine` if it is given."""
     engine = Engine(data)
     engine.fine = None if fine is None else Engine(fine)
-    units = units_for(name, data)
+    units = units_for(name, data) if isinstance(name, str) else name
     pieces = nuisance(data, groups)
-    starts = (Guess(u, np.zeros(u.columns), pieces) for u in units.starts())
+    every = dict.fromkeys(units.starts())  # the first may be among the others
+    starts = (Guess(u, np.zeros(u.columns), pieces) for u in every)
     found = min((fit(engine, one) for one in starts), key=lambda f: f.chi2)
     noise: list[Noise] = []
     for _ in range(2):
         noise = weigh(engine, found)
         found = fit(engine, found.guess)
+    name = name if isinstance(name, str) else name.name
     return Baseline(
         engine, found, noise, name, False, notes=found.guess.units.remarks()
     )

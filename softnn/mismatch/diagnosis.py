@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from softnn import glance, progress
 from softnn.axes import Axes, common
+from softnn.cards.given import Given
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
 from softnn.mismatch import base, families, untaught, written
@@ -21,6 +22,7 @@ from softnn.mismatch.base import Baseline, beyond, usable
 from softnn.mismatch.case import Case, check_case, in_order, to_data
 from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
+from softnn.mismatch.own_card import answer, notes, own_card, started
 from softnn.model_file import Correction, Stored, from_dict, to_dict
 from softnn.models import hyperelastic
 from softnn.models.bases import check
@@ -50,6 +52,7 @@ class Diagnosis:
     measured: list[Array]
     before: list[Array]
     after: list[Array]
+    card: str | None = None  # the corrected card, where a card came in
 
     def __repr__(self) -> str:
         count = len(self.case.recordings)
@@ -118,7 +121,7 @@ class Diagnosis:
 
     def save(self, folder: str | Path) -> Path:
         """Write diagnosis.json, model.json, base.json and the report into `folder`."""
-        from softnn.json_file import write
+        from softnn.json_file import write, write_text
 
         progress.stage("writing")
         target = Path(folder)
@@ -129,20 +132,26 @@ class Diagnosis:
             write(aside / "model.json", self.model_json)
             write(aside / "base.json", self.base_json)
             self.report(aside)
+            files = ["model.json", "base.json", "report.html"]
+            if self.card is not None:
+                files.append(self.result["card"]["file"])
+                write_text(aside / files[-1], self.card)
             write(aside / "diagnosis.json", self.result)
-            for file in ("model.json", "base.json", "report.html", "diagnosis.json"):
+            for file in (*files, "diagnosis.json"):
                 (aside / file).replace(target / file)  # diagnosis.json last
         return target
 
 
 def diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None = None, seed: int = 0
+    case: Case,
+    model: str | Stored | StoredNetwork | Given | None = None,
+    seed: int = 0,
 ) -> Diagnosis:
     """Diagnose a case with the base `model`; return a `Diagnosis`.
 
     None takes the model that the case names, else its `simulated_MPa`, else
-    pl-wiechert. A stored model stays as it is, without a refit. Raises `InputError` for
-    recordings that cannot be diagnosed.
+    pl-wiechert. A stored model stays as it is, without a refit; so does a material card
+    unless it says `refit`. Raises `InputError` for recordings that cannot be diagnosed.
     """
     # The matrices are small: with several threads the products take longer.
     with threadpool_limits(limits=1, user_api="blas"):
@@ -150,7 +159,7 @@ def diagnose(
 
 
 def _diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None, seed: int
+    case: Case, model: str | Stored | StoredNetwork | Given | None, seed: int
 ) -> Diagnosis:
     clock = time.perf_counter()
     progress.stage("diagnosing")
@@ -161,6 +170,11 @@ def _diagnose(
     rng = np.random.default_rng(seed)
     model = case.model if model is None else model
     source, never = None, list[untaught.Stretch]()
+    own = None
+    if isinstance(model, Given):
+        own = own_card(case, model)
+        case = replace(case, notes=(*case.notes, *notes(own)))
+        model = own.model if own.simulates else None
     if isinstance(model, str):
         if model != families.AUTO:
             check(model)
@@ -172,7 +186,10 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    told = judge(_start(counted(case, axes), model, axes.component))
+    if own is not None and not own.simulates:
+        told = judge(started(case, own))
+    else:
+        told = judge(_start(counted(case, axes), model, axes.component))
     progress.part("the result", 0)
     learned = None
     if told.verdict == "unexplained":
@@ -185,7 +202,7 @@ def _diagnose(
     if never:  # the diagnosed part of the case
         data = to_data(usable(counted(whole, axes), base.REPORT))
         shown = beyond(data, data.simulated_MPa or (), told.before.guess)
-    names, fixed = shown.data.names, told.base.fixed
+    names, fixed = shown.data.names, shown.remainder is not None
 
     def stored(one: Fit, extra: Correction | None = None) -> dict[str, Any]:
         return to_dict(one.guess, names, case.history, fixed, extra, source, axes)
@@ -194,16 +211,24 @@ def _diagnose(
         found = shown.by_recording(shown.run(one.guess, False)[0])
         return [s * axes.stress.one for s in found]
 
+    corrected = stored(told.after, None if learned is None else learned.correction)
+    text = None
+    if own is not None:
+        corrected_model = from_dict(corrected)
+        assert isinstance(corrected_model, Stored)
+        result["card"], text = answer(own, whole, corrected_model, result)
+        result["notes"].insert(0, result["card"]["summary"])
     return Diagnosis(
         whole,
         result,
-        stored(told.after, None if learned is None else learned.correction),
+        corrected,
         stored(told.before),
         [c.time_s for c in shown.data.chunks],
         [c.strain * axes.strain.one for c in shown.data.chunks],
         [s * axes.stress.one for s in shown.data.stress_MPa],
         stress(told.before),
         stress(told.after),
+        text,
     )
 
 
