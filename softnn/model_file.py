@@ -15,6 +15,7 @@ from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
+from softnn.fit.point import with_stress
 from softnn.models import bases
 from softnn.models.base import Base
 from softnn.models.bases import number
@@ -46,6 +47,12 @@ class Correction:
         inputs, target = self.network.inputs, self.network.target
         known = self.network.predict(np.clip(x, inputs.low, inputs.high))
         return np.clip(known, target.low, target.high)
+
+    def with_stress(self, one: float) -> Correction:
+        """Return the correction in MPa, if a stress of `one` MPa counted as 1."""
+        target = self.network.target
+        wider = replace(target, low=one * target.low, high=one * target.high)
+        return Correction(self.features, replace(self.network, target=wider))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; `from_dict` takes it back."""
@@ -161,6 +168,16 @@ class Stored:
                     features(chunk, self.learned.features)
                 )
         return out
+
+
+def in_units(guess: Guess, axes: Axes) -> tuple[Guess, Axes]:
+    """Return a guess as model.json has it, and its axes: of specimens in MPa.
+
+    `axes` say what counts as 1 in the fit. Of a component that stays so.
+    """
+    if axes.component:
+        return guess, axes
+    return with_stress(guess, axes.stress.one), SPECIMEN
 
 
 def to_dict(

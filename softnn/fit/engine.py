@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,13 +56,14 @@ class Engine:
         sigma_MPa: Sequence[Array] | None = None,
         memory: Sequence[Memory_s] | None = None,
         remainder: Sequence[Array] | None = None,
+        fine: Engine | None = None,
     ) -> None:
         """Take the data and the noise of each recording (`softnn.noise`).
 
         `sigma_MPa` is the standard deviation (n,) of each recording, 1 by default;
         `memory` its first-order parts. `remainder` (n,) of each recording is added to
         the equilibrium stress: the difference between a fixed simulation and the model
-        that stands in for it.
+        that stands in for it. `fine` has the same recordings with more samples.
         """
         self.data = data
         self.chunks = run_on(data.chunks, data.continued)
@@ -75,11 +78,32 @@ class Engine:
         self._rows = np.flatnonzero(self.valid)
         self.target = self.measured[self.valid]
         self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
-        self.fine: Engine | None = None  # the same recordings with all their samples
+        self._fine = fine
         self._cache: dict[Any, Any] = {}
         self._inputs: dict[Any, list[Input]] = {}
         self.noises = 0  # number of noises set so far, which identifies the present one
         self.set_noise(sigma_MPa, memory)
+
+    @property
+    def fine(self) -> Engine:
+        """The same recordings with more samples; this engine if there are none."""
+        return self._fine or self
+
+    @cached_property
+    def share(self) -> Array:
+        """Weight (valid,) of each sample in an error: `Data.weights`."""
+        return np.concatenate(self.data.weights)[self.valid]
+
+    def under(
+        self, sigma_MPa: Sequence[Array] | None, memory: Sequence[Memory_s] | None
+    ) -> Engine:
+        """Return an engine of the same recordings that weighs by another noise.
+
+        It shares the simulations that this one has kept.
+        """
+        other = copy(self)
+        other.set_noise(sigma_MPa, memory)
+        return other
 
     def set_noise(
         self,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk, Effect, Scales
+from softnn.metrics import weights
 from softnn.models.base import Base
 from softnn.simulate import Term
 
@@ -34,6 +35,17 @@ class Data:
     def starts(self) -> Array:
         """Index of the first sample of each recording, and the end of the last one."""
         return np.concatenate([[0], np.cumsum([len(s) for s in self.stress_MPa])])
+
+    @cached_property
+    def weights(self) -> tuple[Array, ...]:
+        """Weight of each sample in an error (n,), by recording: `metrics.weights`.
+
+        All recordings weigh alike, however many samples they have.
+        """
+        mean = self.starts[-1] / len(self.chunks)
+        return tuple(
+            mean / len(c.time_s) * weights(c.time_s, c.strain) for c in self.chunks
+        )
 
     def scales(self) -> Scales:
         """Typical sizes, from which searches start; quantiles limit spikes.
@@ -89,6 +101,21 @@ class Guess:
 
     def terms(self) -> list[Term]:
         return [p.term() for p in self.pieces]
+
+
+def with_stress(guess: Guess, one: float) -> Guess:
+    """Return the guess in MPa, if a stress of `one` MPa counted as 1 in the fit."""
+
+    def value(piece: Piece, name: str, found: Any) -> Any:
+        law = piece.effect
+        power = next(p.per_stress for p in law.parameters if p.name == name)
+        return found * one**-power if power else found
+
+    pieces = (
+        replace(p, values={k: value(p, k, v) for k, v in p.values.items()})
+        for p in guess.pieces
+    )
+    return Guess(guess.units, one * guess.stiffness, tuple(pieces))
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,7 @@ class Job:
     refit: bool = False  # whether the moduli of a card are fitted
     card_unit: str | None = None  # unit of stress of a card
     seed: int = 0
+    tolerance: float = 0.02
     resume: bool = False
     options: ReadOptions = field(default_factory=ReadOptions)
     skip: tuple[str, ...] = ()  # patterns of files to ignore
@@ -172,7 +173,7 @@ def _diagnosed(job: Job) -> Outcome:
         return Outcome(f"done before: {told['summary']}", told)
     (job.out / FAILED).unlink(missing_ok=True)
     model = None if job.model is None else base(job.model, job.refit, job.card_unit)
-    found = diagnose(case, model, job.seed)
+    found = diagnose(case, model, job.seed, job.tolerance)
     found.result["provenance"] = {
         "softnn": __version__,
         "seed": job.seed,
@@ -215,8 +216,8 @@ def _asked(case: Case, job: Job) -> str:
     for values in case.simulated_MPa or ():
         digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
     about = case.model, case.history, sorted(case.specimen.items()), job.model, job.seed
-    about = (*about, job.refit, job.card_unit)  # type: ignore[assignment]
-    digest.update(repr((*about, __version__)).encode())
+    more = job.refit, job.card_unit, job.tolerance
+    digest.update(repr((*about, *more, __version__)).encode())
     file = Path((job.model or "").partition("#")[0])
     if job.model is not None and file.is_file():
         digest.update(file.read_bytes())

@@ -157,7 +157,7 @@ def schwarz(found: Fit) -> float:
 
 def shown(engine: Engine, pool: Sequence[Effect]) -> list[Piece]:
     """Return effects that recordings show without a model, in those recordings."""
-    data = (engine.fine or engine).data
+    data = engine.fine.data
     out: list[Piece] = []
     if data.continued:  # a continued recording does not begin at rest
         return out

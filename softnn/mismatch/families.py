@@ -8,7 +8,7 @@ from softnn import progress
 from softnn.fit import fit
 from softnn.mismatch.base import DEFAULT, Baseline, start
 from softnn.mismatch.case import Case
-from softnn.mismatch.prediction import Candidate, Judge, weigh_alike
+from softnn.mismatch.prediction import Candidate, Judge, alike
 from softnn.models import hyperelastic
 
 AUTO = "auto"
@@ -44,11 +44,8 @@ def chosen(case: Case, component: bool) -> Baseline:
 
 
 def judged(base: Baseline) -> tuple[Judge, Candidate]:
-    """Return the judge of a base and its error, with all samples weighed alike.
-
-    The engine of the base keeps these weights.
-    """
-    weigh_alike(base.engine)
-    found = fit(base.engine, base.fit.guess)
-    judge = Judge(base.engine, found.guess)
+    """Return the judge of a base and its error, with samples weighed as in an error."""
+    engine = alike(base.engine)
+    found = fit(engine, base.fit.guess)
+    judge = Judge(engine, found.guess)
     return judge, judge.judged(found)

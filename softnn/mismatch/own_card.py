@@ -15,17 +15,19 @@ from softnn.cards.written import WRITERS, card
 from softnn.contracts import InputError
 from softnn.fit import Engine, Guess, fit
 from softnn.mismatch.base import (
+    COARSE,
     REPORT,
     SEARCH,
     Baseline,
-    baseline,
     nuisance,
+    start,
     usable,
     weigh,
 )
 from softnn.mismatch.case import Case, to_data
 from softnn.mismatch.verify import nrmse_of
 from softnn.model_file import Stored
+from softnn.models.hyperelastic import Hyper
 
 
 @dataclass(frozen=True)
@@ -67,25 +69,27 @@ def own_card(case: Case, given: Given) -> OwnCard:
     return OwnCard(given, model, off)
 
 
-def started(case: Case, own: OwnCard) -> Baseline:
-    """Return the card as a base: its law and its series, fixed or refitted."""
-    data, fine = to_data(usable(case, SEARCH)), to_data(usable(case, REPORT))
+def started(case: Case, own: OwnCard, one: float) -> Baseline:
+    """Return the card as a base: its law and its series, fixed or refitted.
+
+    `one` is the stress in MPa that counts as 1 in the case.
+    """
     units = own.model.units
+    assert isinstance(units, Hyper)
     if own.given.refit:
-        found = baseline(data, units, case.groups(), fine)
-    else:
-        engine = Engine(data)
-        engine.fine = Engine(fine)
-        pieces = nuisance(data, case.groups())
-        guess = Guess(replace(units, fixed=True), own.model.stiffness, pieces)  # type: ignore[type-var]
-        one = fit(engine, guess, fixed_base=True)
-        for _ in range(2):
-            noise = weigh(engine, one)
-            one = fit(engine, one.guess, fixed_base=True)
-        notes = units.remarks()
-        found = Baseline(engine, one, noise, units.name, True, notes=notes)
-    said = bool(case.specimen) or case.history == "continued"
-    return replace(found, said=said)
+        return start(case, units)
+    data, fine, few = (to_data(usable(case, n)) for n in (SEARCH, REPORT, COARSE))
+    engine = Engine(data, fine=Engine(fine))
+    stiffness, pieces = own.model.stiffness / one, nuisance(data, case.groups())
+    found = fit(
+        engine, Guess(replace(units, fixed=True), stiffness, pieces), fixed_base=True
+    )
+    for _ in range(2):
+        noise = weigh(engine, found)
+        found = fit(engine, found.guess, fixed_base=True)
+    said, less = bool(case.specimen) or case.history == "continued", Engine(few)
+    notes = units.remarks()
+    return Baseline(engine, found, noise, units.name, True, said, less, notes)
 
 
 def answer(
