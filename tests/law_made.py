@@ -62,11 +62,15 @@ class LawStrip(Strip):
         s = np.einsum("...ik,...k,...jk->...ij", axes, t, axes)
         return np.moveaxis(s, (-2, -1), (0, 1))
 
-    def bonded(self, time, strain, cells=4):
-        """Force over section of a cube whose ends cannot contract: uneven inside."""
+    def bonded(self, time, strain, cells, mean=True):
+        """Force over section of a body bonded at its ends, an eighth of it: uneven."""
         mesh = fem.Cube(n=cells + 1)
         field = fem.FieldContainer([fem.Field(fem.RegionHexahedron(mesh), dim=3)])
-        solid = fem.SolidBody(self.material(), field)
+        if mean:  # the pressure is that of the mean of each element: nothing locks
+            bulk, self.bulk = self.bulk, 0.0
+            solid = fem.SolidBodyNearlyIncompressible(self.material(), field, bulk)
+        else:  # the element of CalculiX, C3D8
+            solid = fem.SolidBody(self.material(), field)
         steps = np.diff(time, prepend=time[0])
         return pulled(field, solid, strain, steps, self, clamped=True)
 
@@ -124,7 +128,7 @@ def calculix(folder, card, strain, cells=1, bonded=False):
     name = re.search(r"\*Material, name=(\w+)", card)[1]
     lines += [f"*SOLID SECTION, ELSET=CUBE, MATERIAL={name}", "*BOUNDARY"]
     for (i, j, k), v in number.items():
-        ends = k in (0, cells)
+        ends = k == cells  # the bottom is the middle of a bonded body
         if k == 0:
             lines.append(f"{v}, 3, 3, 0.")
         if (bonded and ends) or i == 0:
