@@ -146,7 +146,7 @@ def searched(result: Result, rng: Rng) -> Iterator[Row]:
         trainer, data = trainer_of(result, one)
         chosen = some(row, ("inputs", "neurons", "regularisation", "lag_s"))
         settings, unseen = trainer.settings, one["unseen"]
-        errors, found = trials.judged(data, settings, unseen, chosen, [])
+        errors, found = trials.judged(data, settings, unseen, chosen, trials.Rule())
         both = dict(zip(("random", "unseen"), np.atleast_1d(errors), strict=True))
         now = both | {"parameters": found["parameters"]}
         yield f"{one['label']}, {chosen}", some(row, tuple(now)), now

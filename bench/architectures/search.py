@@ -23,6 +23,7 @@ from bench.architectures.choices import (
     headline_of,
     rows_of,
 )
+from bench.architectures.compared import text as counts_text
 from bench.architectures.report import draw, table
 from bench.architectures.trials import (
     ALL_GIVEN,
@@ -30,7 +31,11 @@ from bench.architectures.trials import (
     KEPT,
     TRAINING,
     Judge,
+    by_front,
+    by_halving,
+    compared,
     conditions,
+    never,
     space,
 )
 from bench.architectures.verdict import sentences
@@ -42,7 +47,7 @@ from softnn.neural import StoredNetwork
 from softnn.search import Finished
 from softnn.study import holding
 from softnn.study.baselines import MODELS, WAYS
-from softnn.study.common import save_figure
+from softnn.study.common import RESULTS, save_figure
 from softnn.study.material_data import Data
 from softnn.study.settings import Places, Settings
 from softnn.study.sweep import Sweep
@@ -59,16 +64,19 @@ def searched(
     sampler: str = "tpe",
     study: str = "architectures",
     finalists: int = FINALISTS,
+    compare: bool = False,
 ) -> dict[str, Any] | None:
     """One material: the search, the front, the choice for each use, what to take.
 
     Beside the networks stand the convex network (`softnn.study.holding`) and the
     baselines, on the same folds. A grid has as many trials as it has points, whatever
-    `trials`. `study` is the experiment in MLflow.
+    `trials`. `study` is the experiment in MLflow. With `compare` the search begins with
+    a part of the grid, and trials are halved.
     """
     trainer = Trainer(data, settings, TRAINING)
-    judge = Judge(trainer, places, stops=sampler not in ALL_GIVEN)
-    first = FIRST_OF[sampler](settings)
+    rule = by_halving if compare else never if sampler in ALL_GIVEN else by_front
+    judge = Judge(trainer, places, rule)
+    first = compared(settings) if compare else FIRST_OF[sampler](settings)
     if sampler in ALL_GIVEN:
         trials = len(first)
     seeds = [settings.seed, settings.seed + 1]
@@ -114,6 +122,7 @@ def searched(
             trials=rows_of(tried),
         )
         text = verdict_table(rows, judge.unseen)
+        about_counts = counts_text(found["trials"], settings, RESULTS, data.label)
         about_front = table(found["front"], rest.baselines)
         with tempfile.TemporaryDirectory() as aside:
             pictures = save_figure(draw([found]), "front", Path(aside))
@@ -122,7 +131,11 @@ def searched(
                 | figures(networks[0], takes),
                 note="\n\n".join([f"**{data.label}**", *said, text]),
                 files=pictures,
-                texts={"front.md": about_front, "table.md": text},
+                texts={
+                    "front.md": about_front,
+                    "table.md": text,
+                    "neurons.md": about_counts,
+                },
                 tags={
                     "best": "; ".join(f"{k}: {one.words}" for k, one in best.items()),
                     "take_unseen": takes["model"],
@@ -132,7 +145,8 @@ def searched(
         sweep.register(whole, ["best-random"], said[0])
         sweep.register(rest.network(takes), ["best-unseen-rate"], said[1])
         from_store = sweep.from_store()
-    print("\n" + "\n\n".join([data.label, text, *said]))
+    parts = [about_counts] if compare else []
+    print("\n" + "\n\n".join([data.label, *parts, text, *said]))
     if from_store:
         print(from_store)
     return found

@@ -299,9 +299,9 @@ def piecewise() -> str:
         _other_rates(rates),
         "*Decaying part*: the relaxation time of PL-SLS is where the part of the "
         "stress that decays has fallen to 36.8 %. *As the text says*: where the "
-        "stress has fallen to 36.8 % of sigma_o, its initial value, or is nearest to that. Most "
-        "holds never fall so far. PL-Wiechert has its times by collocation, so that it "
-        "has no such column.",
+        "stress has fallen to 36.8 % of sigma_o, its initial value, or is nearest to "
+        "that. Most holds never fall so far. PL-Wiechert has its times by "
+        "collocation, so that it has no such column.",
         remarks("5.2"),
         "## Tables 5.1 and 5.2 beside Tables 4.2 and 4.4",
         *_apart(best, rates),
@@ -420,7 +420,7 @@ def pairs() -> list[tuple[str, str]]:
 def _apart(best: Row, rates: Row) -> tuple[str, ...]:
     """What Tables 5.1 and 5.2 ask of specimens that have Tables 4.2 and 4.4."""
     rows, more = [], dict.fromkeys(PL, 0)
-    never = []
+    never: list[list[str | None]] = []
     for name, model in pairs():
         slow, *_, fast = material(name).elastic.values()
         r = rates[name]["models"][model]
@@ -429,10 +429,8 @@ def _apart(best: Row, rates: Row) -> tuple[str, ...]:
         more[model] += found > published and soft["share"] < 1
         if soft["generalisation_error"] > published:
             joint = r["joint"] and r["joint"]["nrmse_over_rates"]
-            never.append(
-                [f"{name}, {model}"]
-                + [percent(v) for v in (published, soft["generalisation_error"], joint)]
-            )
+            errors = published, soft["generalisation_error"], joint
+            never.append([f"{name}, {model}", *map(percent, errors)])
         rows.append(
             [
                 f"{name}, {model}",
