@@ -1,11 +1,11 @@
 """Four inputs, 1 to 20 neurons, three ways of regularisation: every fold of every one.
 
 Figs 6.4 to 6.6 of the thesis for all four inputs of Table 6.3, with early stopping and
-a fixed L2 weight beside Bayesian regularisation, on all seven materials. It takes hours,
-goes on where it was stopped, and can be shared: `--storage` with a database server,
-`--worker` on other machines. The result file is written after each material. At most
-100 samples of a recording are taken (`--samples`), since neighbours in time say the
-same; Table 6.6 has all samples for FFRD4.
+a fixed L2 weight beside Bayesian regularisation, on all seven materials. It takes
+hours, goes on where it was stopped, and can be shared: `--storage` with a database
+server, `--worker` on other machines. The result file is written after each material. At
+most 100 samples of a recording are taken (`--samples`), since neighbours in time say
+the same; Table 6.6 has all samples for FFRD4.
 """
 
 from __future__ import annotations

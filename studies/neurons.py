@@ -13,7 +13,8 @@ one of models, and a sentence for each use.
 
 `python -m studies.architectures` searches with more trials. `--as-in-thesis` is
 section 6.4.2 of the thesis: neurons alone, with FFRD4 and Bayesian regularisation, and
-Table 6.6 beside them. Stopped at any moment and started again, all go on where they were.
+Table 6.6 beside them. Stopped at any moment and started again, all go on where they
+were.
 """
 
 from __future__ import annotations

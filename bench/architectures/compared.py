@@ -86,8 +86,8 @@ def left_out(trials: Sequence[Row], settings: Settings) -> str:
         f"Of the full grid ({len(PUBLISHED)} inputs, {len(METHODS)} ways, {number} "
         f"counts, {settings.folds} folds: {every} networks by random folds) "
         f"{sum(folds)} were trained: {len(found)} points at {tried} neurons, {whole} "
-        f"of them on every fold, {len(found) - whole} stopped after fewer by successive "
-        f"halving; {number - len(counts(trials))} counts were left out."
+        f"of them on every fold, {len(found) - whole} stopped after fewer by "
+        f"successive halving; {number - len(counts(trials))} counts were left out."
     )
 
 
