@@ -69,12 +69,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     made.add_argument(
         "--keep-best",
         action="store_true",
-        help="write the ends of each front to studies/best, for the tests to hold",
+        help="write the recommended networks to studies/best, for the tests to hold",
     )
     made.add_argument(
         "--keep-published",
         action="store_true",
-        help="the same with published fronts, of --material or all; without a search",
+        help="the same with published choices, of --material or all; no search",
     )
     add_worker(made)
     arguments = made.parse_args(argv)
@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def keep_published(results: Path, folder: Path, material: str | None) -> None:
-    """Train the ends of the published fronts, and write them to a folder.
+    """Train the published choices, and write them to a folder.
 
     Those of one material, or of all if it is None.
     """

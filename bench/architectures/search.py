@@ -53,6 +53,7 @@ from softnn.study.settings import Places, Settings
 from softnn.study.sweep import Sweep
 from softnn.study.trainer import Trainer
 
+CONFIGURATION = ("inputs", "neurons", "regularisation", "lag_s")
 CODE = (Path(__file__).with_name("trials.py"),)
 
 
@@ -258,21 +259,21 @@ def once_more(trainer: Trainer, unseen: str) -> Again:
 def keep(
     found: Mapping[str, Any], data: Data, settings: Settings, folder: Path
 ) -> Path:
-    """Write both ends of the front to a folder, for the tests to hold.
+    """Write the networks recommended for each use to a folder, for the tests to hold.
 
     They are trained again by `KEPT`, since a search trains them without a grid.
     """
     source = "" if data.is_virtual else f"{data.source}-"
     path = folder / f"architectures-{source}{data.file_name}.json"
     trainer = Trainer(data, settings, KEPT)
-    front = {"random": found["front"][0], "unseen": found["front"][-1]}
     content = {
         "data_sha256": data.digest,
         "settings": asdict(replace(settings, material=data.material)),
         "training": asdict(KEPT),
         "unseen": found["unseen"],
-        "ends": {
-            use: end_of(row, trainer, found["unseen"]) for use, row in front.items()
+        "networks": {
+            use: kept(chosen["configuration"], trainer, found["unseen"])
+            for use, chosen in found["choices"].items()
         },
     }
     json_file.write(path, content)
@@ -280,9 +281,11 @@ def keep(
     return path
 
 
-def end_of(row: Mapping[str, Any], trainer: Trainer, unseen: str) -> dict[str, Any]:
-    """A row of the front as it is kept: its configuration, and its errors by fold."""
-    chosen = {k: row[k] for k in ("inputs", "neurons", "regularisation", "lag_s")}
+def kept(
+    configuration: Mapping[str, Any], trainer: Trainer, unseen: str
+) -> dict[str, Any]:
+    """A network as it is kept: its configuration, and its errors by fold."""
+    chosen = {k: configuration[k] for k in CONFIGURATION}
     judged = trainer.judge_parts(chosen, {k: slice(None) for k in (unseen, "random")})
     random, never = judged["random"], judged[unseen]
     return {
