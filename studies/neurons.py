@@ -4,8 +4,8 @@ Neurons and regularisation are compared for the four inputs of the thesis: three
 regularisation at six counts of neurons each, some other architectures, and a few more
 networks that the search draws. Trials are pruned by successive halving on their folds
 (Optuna's own pruner): after 1, 3 and 9 random folds those go on that are in the best
-third by random folds, or by rates never seen. The full grid, every fold of 1 to 20
-neurons, is `python -m studies.grid`.
+third of their inputs. At rates never seen all are judged. The full grid, every fold of
+1 to 20 neurons, is `python -m studies.grid`.
 
 Beside the networks, on the same folds, stand the piecewise-linear models, boosted trees
 and a convex network that is made for rates never seen. It ends in one table of counts,

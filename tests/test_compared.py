@@ -2,20 +2,25 @@
 
 import json
 from itertools import product
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from bench.architectures import compared
+from bench.architectures.choices import choices, folds
 from bench.architectures.trials import (
     COUNTS,
     WAYS,
     WEIGHT,
     Halving,
+    by_halving,
     conditions,
     configuration,
 )
 from bench.architectures.trials import compared as points_of
 from softnn.neural import PUBLISHED
+from softnn.search import Finished
 from softnn.search.halving import RUNGS, halved
 from softnn.study.settings import Settings
 
@@ -52,21 +57,51 @@ def test_what_is_no_number_stops():
     assert halved([float("nan")], [])
 
 
-EARLIER = [(5.0, [5.0] * 10), (6.0, [6.0] * 10), (7.0, [7.0] * 10)]
+EARLIER = [[5.0] * 10, [6.0] * 10, [7.0] * 10]
 
 
 @pytest.mark.parametrize(
-    ("errors", "unseen", "stops"),
+    ("errors", "stops"),
     [
-        ([4.0], 4.0, False),
-        ([4.0], 9.0, False),  # best by random folds
-        ([9.0], 4.0, False),  # best at unseen rates
-        ([9.0], 9.0, True),
-        ([4.0, 9.0, 9.0], 9.0, True),  # its mean at the second rung
+        ([4.0], False),
+        ([9.0], True),
+        ([4.0, 4.0, 5.0], False),
+        ([4.0, 9.0, 9.0], True),  # its mean at the second rung
     ],
 )
-def test_a_trial_stops_when_it_is_good_for_neither_use(errors, unseen, stops):
-    assert Halving(EARLIER).stops(errors, unseen) is stops
+def test_a_trial_stops_when_it_is_behind_by_random_folds(errors, stops):
+    assert Halving(EARLIER).stops(errors, unseen=0.0) is stops
+
+
+def test_networks_of_other_inputs_do_not_halve():
+    def tried(inputs, errors):
+        return SimpleNamespace(parameters={"inputs": inputs}, result={"nrmse": errors})
+
+    done = [tried("FFRD4", e) for e in EARLIER] + [tried("FFRI1", [20.0] * 10)]
+    assert by_halving({"inputs": "FFRD4"}, done) == Halving(EARLIER)
+    assert by_halving({"inputs": "FFRD4"}, done).stops([9.0], 0.0)
+    assert not by_halving({"inputs": "FFRI1"}, done).stops([9.0], 0.0)
+
+
+def test_a_network_halved_by_random_folds_may_still_be_the_choice_for_unseen_rates():
+    def trial(number, random, unseen, stopped):
+        result = {"nrmse": random, "unseen": {"nrmse": unseen}, "parameters": 5}
+        values = float(np.mean(random)), float(np.mean(unseen))
+        result |= {"stopped_after": stopped}
+        about = {"neurons": 1}, values[0], result, None, None, False, values
+        return Finished(number, *about)
+
+    tried = [
+        trial(0, [0.1, 0.1], [0.9, 0.9], None),
+        trial(1, [0.2], [0.3, 0.3], 1),
+    ]
+
+    def the_same(trials, use):
+        return [folds(t, use) for t in trials]
+
+    found = choices(tried, the_same, halved=True)
+    assert (found["random"].trial.number, found["unseen"].trial.number) == (0, 1)
+    assert choices(tried, the_same)["unseen"].trial.number == 0
 
 
 def test_folds_are_judged_from_rung_to_rung():

@@ -172,12 +172,12 @@ def test_no_trial_of_a_grid_stops():
         values=(0.0, 0.0),
         number=0,
         result={"nrmse": [0.0], "stopped_after": None, "configuration": {}},
+        parameters={"inputs": "FFRI1"},
     )
     places = Places("sqlite://", "", None, False)
     for rule in (by_front, by_halving, never):
         Known(trainer, places, rule).submit(tabulated(SETTINGS)[0], [ahead])
-    earlier = [(0.0, [0.0])]
-    assert asked[:2] == [Front(earlier), Halving(earlier)]
+    assert asked[:2] == [Front([(0.0, [0.0])]), Halving([[0.0]])]
     assert type(asked[2]) is Rule
     assert not asked[2].stops([9.0] * 4, 9.0)
 

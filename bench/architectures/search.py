@@ -94,7 +94,7 @@ def searched(
         )
         if places.worker:
             return None
-        best = choices(tried, once_more(trainer, judge.unseen), finalists)
+        best = choices(tried, once_more(trainer, judge.unseen), finalists, compare)
         anew = {
             use: sweep.run(
                 judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}

@@ -223,15 +223,15 @@ class Rule:
         return False
 
 
-Tried = Sequence[tuple[float, Sequence[float]]]
-"""Of earlier networks: error at unseen rates, errors of the random folds."""
+Ahead = Sequence[tuple[float, Sequence[float]]]
+"""Of networks on the front: error at unseen rates, errors of the random folds."""
 
 
 @dataclass(frozen=True)
 class Front(Rule):
     """Stops where a network on the front is better in both ways, beyond doubt."""
 
-    ahead: Tried
+    ahead: Ahead
 
     def stops(self, errors: Sequence[float], unseen: float) -> bool:
         return beaten(errors, unseen, self.ahead)
@@ -239,48 +239,45 @@ class Front(Rule):
 
 @dataclass(frozen=True)
 class Halving(Rule):
-    """Stops a network that is in the best third by neither of both errors."""
+    """Stops a network that is not in the best third by random folds.
 
-    earlier: Tried
+    `earlier`: errors of the random folds of networks with the same inputs, so that
+    neurons and regularisation are compared for each. At unseen rates all are judged.
+    """
+
+    earlier: Sequence[Sequence[float]]
 
     def bounds(self, number: int) -> list[int]:
         return [*(r for r in RUNGS if r < number), number]
 
     def stops(self, errors: Sequence[float], unseen: float) -> bool:
-        mine = self.at_rungs(unseen, errors)
-        others = [self.at_rungs(*one) for one in self.earlier]
-        return all(
-            halved([one[k] for one in mine], [[v[k] for v in of] for of in others])
-            for k in range(2)
-        )
+        return halved(self.at_rungs(errors), [self.at_rungs(e) for e in self.earlier])
 
     @staticmethod
-    def at_rungs(unseen: float, errors: Sequence[float]) -> list[tuple[float, float]]:
-        """Mean of the random folds, and error at unseen rates, at each rung reached."""
-        reached = [r for r in RUNGS if r <= len(errors)]
-        return [(float(np.mean(errors[:r])), unseen) for r in reached]
+    def at_rungs(errors: Sequence[float]) -> list[float]:
+        """Mean of the random folds at each rung reached."""
+        return [float(np.mean(errors[:r])) for r in RUNGS if r <= len(errors)]
 
 
-def never(done: Sequence[Finished]) -> Rule:
+def never(chosen: Mapping[str, Any], done: Sequence[Finished]) -> Rule:
     """Every fold of every trial."""
     return Rule()
 
 
-def by_front(done: Sequence[Finished]) -> Rule:
-    return Front(_tried(front(done)))
+def by_front(chosen: Mapping[str, Any], done: Sequence[Finished]) -> Rule:
+    """By the front of the trials finished before."""
+    return Front([(t.values[1], t.result["nrmse"]) for t in front(done)])
 
 
-def by_halving(done: Sequence[Finished]) -> Rule:
-    return Halving(_tried(done))
-
-
-def _tried(trials: Sequence[Finished]) -> Tried:
-    return [(t.values[1], t.result["nrmse"]) for t in trials]
+def by_halving(chosen: Mapping[str, Any], done: Sequence[Finished]) -> Rule:
+    """By those of them that have the same inputs."""
+    mine = [t for t in done if t.parameters["inputs"] == chosen["inputs"]]
+    return Halving([t.result["nrmse"] for t in mine])
 
 
 class Judge:
-    """Trials of one material; used as a context. `rule`: when their folds stop, from
-    the trials finished before.
+    """Trials of one material; used as a context. `rule`: when the folds of a trial
+    stop, from its configuration and the trials finished before.
 
     Each is in a process of its own where the search is this process's alone; where
     others are on it too, and have cores of their own, trials are in this process.
@@ -290,7 +287,7 @@ class Judge:
         self,
         trainer: Trainer,
         places: Places,
-        rule: Callable[[Sequence[Finished]], Rule] = by_front,
+        rule: Callable[[Mapping[str, Any], Sequence[Finished]], Rule] = by_front,
     ) -> None:
         self.trainer, self.unseen = trainer, unseen_split(trainer)
         self.rule = rule
@@ -315,7 +312,7 @@ class Judge:
         for other in done:  # the sampler may ask for the same again
             if other.result["configuration"] == chosen:
                 return _known((other.values, other.result))
-        return self._submit(chosen, self.rule(done))
+        return self._submit(chosen, self.rule(chosen, done))
 
     def whole(self, parameters: Mapping[str, Any]) -> Result:
         """Every fold, whatever went before."""
@@ -379,7 +376,7 @@ def _trainer(digest: str, data: Data, settings: Settings) -> Trainer:
     return _TRAINERS[digest, settings]
 
 
-def beaten(errors: Sequence[float], unseen: float, ahead: Tried) -> bool:
+def beaten(errors: Sequence[float], unseen: float, ahead: Ahead) -> bool:
     """Whether a network ahead is better in both ways, by the folds judged so far."""
     for far, folds in ahead:
         gap = np.array(errors) - np.array(folds[: len(errors)])
