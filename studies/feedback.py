@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,13 +46,24 @@ def run(a: Any) -> None:
     if a.smoke and a.material == "all":
         a.material = DRAWN
     whole = a.material == "all"
-    every = {
-        name: study(name, a.seed, a.smoke)
-        for name in (MATERIALS if whole else [a.material])
-    }
-    drawn = every[DRAWN if whole else a.material]
+    names = [DRAWN, *(m for m in MATERIALS if m != DRAWN)] if whole else [a.material]
     folder = common.results_folder(a.smoke, a.publish and whole)
-    path = common.write_result(
+    every: dict[str, dict[str, Any]] = {}
+    for name in names:  # what is finished is kept, should the rest be stopped
+        every[name] = study(name, a.seed, a.smoke)
+        path = written(every, names[0], a.seed, folder)
+    drawn = every[names[0]]
+    common.save_figure(draw(drawn), "feedback", folder)
+    print(f"{report({k: one['headline'] for k, one in every.items()})}\n")
+    print(f"{drawn['label']}: {sentence(drawn['headline'])}\n\nresult: {path}")
+
+
+def written(
+    every: Mapping[str, Mapping[str, Any]], first: str, seed: int, folder: Path
+) -> Path:
+    """The result file of these materials; its headline is that of the first."""
+    drawn = every[first]
+    return common.write_result(
         "feedback",
         drawn["headline"],
         {
@@ -60,13 +72,10 @@ def run(a: Any) -> None:
             "specimen": drawn["specimen"],
             "materials": {name: one["headline"] for name, one in every.items()},
         },
-        seed=a.seed,
+        seed=seed,
         data={one["label"]: one["data_sha256"] for one in every.values()},
         folder=folder,
     )
-    common.save_figure(draw(drawn), "feedback", folder)
-    print(f"{report({k: one['headline'] for k, one in every.items()})}\n")
-    print(f"{drawn['label']}: {sentence(drawn['headline'])}\n\nresult: {path}")
 
 
 def study(material: str, seed: int, smoke: bool) -> dict[str, Any]:
@@ -124,7 +133,7 @@ def report(found: Mapping[str, Mapping[str, float]]) -> str:
             [
                 name,
                 percent(one["nrmse_measured"]),
-                percent(one["r2_measured"], 3),
+                percent(one.get("r2_measured"), 3),
                 percent(one["nrmse_without_feedback"]),
                 f"{one['nrmse_without_feedback'] / one['nrmse_measured']:.0f}",
                 percent(one["nrmse_repeated"]),

@@ -66,7 +66,7 @@ def with_stress_fed_back(error):
 def test_an_order_of_magnitude_is_ten_times(error, found):
     (one,) = [c for c in with_stress_fed_back(error) if c.key == "stress fed back"]
     assert all(v is found for v in one.holds.values())
-    assert set(one.holds) == set(thesis.MATERIALS)
+    assert set(one.holds) == set(result("feedback")["materials"])
 
 
 def test_the_time_of_the_text_has_a_column_of_its_own():

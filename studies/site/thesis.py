@@ -505,6 +505,7 @@ def networks() -> str:
         _inputs("rate"),
         "## Section 6.4.1: stress as an input",
         feedback.report(result("feedback")["materials"]),
+        *_missing(result("feedback")["materials"]),
         f"{feedback.DRAWN}: " + feedback.sentence(result("feedback")["headline"]),
         "![a network on measured stress, and on its own](feedback.png)",
         printed("6.2"),
@@ -527,6 +528,14 @@ def networks() -> str:
         _regularisation(),
         _pictures(6),
     )
+
+
+def _missing(found: Row) -> list[str]:
+    """A sentence on materials that a result lacks."""
+    rest = [name for name in MATERIALS if name not in found]
+    if not rest:
+        return []
+    return [f"Not computed yet: {', '.join(rest)} (`python -m studies.feedback`)."]
 
 
 def _scored(error: float | None, r2: float | None) -> str | None:
