@@ -1,153 +1,236 @@
-"""Faults of a rig or a channel, made in copies of real recordings.
+"""Faults of a rig or a channel, made in copies of real recordings as they happen.
 
-The specimen goes through what it went through; what changes is what the machine says
-about it. So a gap is strain that the machine counts before the specimen is taut, and a
-slip is strain that it counts and the specimen does not see. Sizes are in the middle of
-what concealed cases of strength 1 have. How often a name comes with nothing made
-is seen in a copy that lacks one recording.
+The specimen and its programme stay; what changes is what the machine says about them.
+A machine has one load cell, one filter and one grip, so what belongs to them is the
+same in all recordings of a case (`Rig`). Each maker returns the faulty recording and
+the values that the law of the fault then has, from which an oracle starts
+(`bench.recordings.oracle`). How often a name comes with nothing made is seen in a copy
+that lacks one recording.
+
+Of what nobody measured, the recording itself is asked:
+
+*Slack*: the crosshead closes the gap at the speed of the first loading, while the cell
+shows its noise. All strains are counted from there. A specimen that is pulled and
+pushed cannot be loose, so strain must be of one sign.
+
+*Slip*: at constant speed of the crosshead the force falls, and the specimen lags behind
+by what has slid (`bench.recordings.slip`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from bench.recordings.groups import amplitude, first_turn, holds
+from bench.recordings import slip as slips
+from bench.recordings.groups import amplitude, holds, rate
+from softnn.contracts import Array
 from softnn.mismatch.case import Case
 from softnn.recording import Recording
 
 SIBLINGS = 4  # specimens, among which one may stand out
 UNLISTED = "on no list"  # where nothing new should be named
+SLOWEST_S = 1.0  # the slowest filter of a load cell's amplifier, assumed
+WARM_S = 600.0  # a cell at the bottom of its range drifts one peak in this, assumed
+THIRD = 20**0.5  # standard deviation of third differences of white noise, over its own
+
+Values = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What all recordings of a case share: the machine, and the clock of the day."""
+
+    recordings: tuple[Recording, ...]
+
+    @cached_property
+    def top(self) -> float:
+        """Largest stress of all, in MPa or in the unit of a component."""
+        return max(peak(r) for r in self.recordings)
+
+    @cached_property
+    def loading_s(self) -> float:
+        """Time of the fastest first loading."""
+        return min(map(slips.loading_s, self.recordings))
+
+    @cached_property
+    def longest_s(self) -> float:
+        return max(float(r.time_s[-1] - r.time_s[0]) for r in self.recordings)
+
+
+Make = Callable[[Recording, float, Rig], tuple[Recording, Values]]
 
 
 @dataclass(frozen=True)
 class Fault:
     """A fault: the effect that stands for it, how it is made, and in which recordings.
 
-    `make` takes a recording, the size, and the largest stress of the case. `share` of
-    the recordings have it (rounded, at least one); with `own_scale` it cannot be seen
+    `make` takes a recording, the size and the rig. `share` of the recordings have it
+    (rounded, at least one), of those that `can`; with `own_scale` it cannot be seen
     where each recording has a scale of its own, with `among` only where `SIBLINGS`
     specimens are there to stand out from, with `held` only in a hold.
     """
 
     effect: str
-    make: Callable[[Recording, float, float], Recording]
+    make: Make
     share: float
     says: str
     own_scale: bool = False
     among: bool = False
     held: bool = False
+    can: Callable[[Recording], bool] = lambda recording: True
 
     def shows(self, recordings: Sequence[Recording], specimens: bool) -> bool:
         """Whether such recordings, of a specimen each or of one, can show it."""
         alone = len(recordings) < 2 and self.share < 1.0  # nothing to be out of line of
         few = self.among and not (specimens and len(recordings) >= SIBLINGS)
         lost = self.own_scale and specimens
-        return not (
-            alone or few or lost or (self.held and not any(map(holds, recordings)))
-        )
+        still = self.held and not any(map(holds, recordings))
+        return any(map(self.can, recordings)) and not (alone or few or lost or still)
+
+
+@dataclass(frozen=True)
+class Made:
+    """A faulty case, and the truth: recordings by index, and the values of the law."""
+
+    original: Case
+    case: Case
+    recordings: tuple[int, ...]
+    values: tuple[Values, ...]
 
 
 def peak(recording: Recording) -> float:
     return float(np.nanquantile(np.abs(recording.stress_MPa), 0.998))
 
 
-def side(recording: Recording) -> float:
-    strain = recording.strain
-    return float(np.sign(strain[np.nanargmax(np.abs(strain))]))
-
-
-def slack(recording: Recording, size: float, top: float) -> Recording:
+def slack(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
+    """A gap of 5 % of the largest strain, closed at the speed of the first loading."""
     gap = 0.05 * size * amplitude(recording)
-    time, strain = recording.time_s, recording.strain
-    step = float(np.median(np.diff(time)))
-    reach = max(first_turn(recording) - 1, 1)
-    speed = amplitude(recording) / max(time[reach] - time[0], step)
-    lead = np.arange(0.0, gap / speed, step)  # taking up the gap
-    quiet = np.zeros(len(lead))
+    way, time = slips.side(recording), recording.time_s
+    to_close = gap / rate(recording)
+    early = time <= time[0] + slips.loading_s(recording)
+    step = float(np.median(np.diff(time[early]))) if early.sum() > 1 else to_close
+    step = max(step, 1e-3 * to_close)
+    lead = np.arange(0.0, to_close - 0.5 * step, step)
+    quiet = noise(recording.stress_MPa) * np.random.default_rng(len(time)).normal(
+        size=len(lead)
+    )
+    begun: dict[str, Any] = {
+        "time_s": lead,
+        "strain": recording.strain[0] + way * gap * lead / to_close,
+        "stress_MPa": recording.stress_MPa[0] + quiet,
+    }
+    after: dict[str, Any] = {
+        "time_s": time - time[0] + to_close,
+        "strain": recording.strain + way * gap,
+        "stress_MPa": recording.stress_MPa,
+    }
+    if recording.temperature_C is not None:
+        begun["temperature_C"] = np.full(len(lead), recording.temperature_C[0])
+        after["temperature_C"] = recording.temperature_C
+    joined: dict[str, Any] = {k: np.concatenate([begun[k], after[k]]) for k in after}
     return Recording(
-        np.concatenate([lead, time - time[0] + gap / speed]),
-        np.concatenate(
-            [side(recording) * speed * lead, strain + side(recording) * gap]
-        ),
-        np.concatenate([quiet + recording.stress_MPa[0], recording.stress_MPa]),
+        **joined,
         name=recording.name,
         specimen=recording.specimen,
         test=recording.test,
         axes=recording.axes,
-    )
+    ), {"gap": gap, "toe": 0.0}
 
 
-def offset(recording: Recording, size: float, top: float) -> Recording:
-    return changed(recording, recording.stress_MPa + 0.055 * size * peak(recording))
+def noise(stress: Array) -> float:
+    """White noise of a channel, from third differences; 0 for a coarse one."""
+    rough = np.abs(np.diff(stress, 3))
+    return float(np.nanmedian(rough)) / (0.6745 * THIRD)
 
 
-def clip(recording: Recording, size: float, top: float) -> Recording:
-    limit = (1 - 0.22 * size) * top  # one load cell, one limit
-    return changed(recording, np.clip(recording.stress_MPa, -limit, limit))
+def offset(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
+    """The cell was not zeroed before these recordings."""
+    by = 0.055 * size * peak(recording)
+    return changed(recording, recording.stress_MPa + by), {"offset_MPa": by}
 
 
-def lag(recording: Recording, size: float, top: float) -> Recording:
-    """First order; 0.25 s, or a fiftieth of the first loading where that is longer."""
+def clip(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
+    """One load cell, one limit."""
+    limit = max(1 - 0.22 * size, 0.05) * rig.top
+    cut = np.clip(recording.stress_MPa, -limit, limit)
+    return changed(recording, cut), {"limit_MPa": limit, "knee": 0.0}
+
+
+def lag(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
+    """First order; one filter for all recordings."""
     time = recording.time_s
-    loading = time[first_turn(recording) - 1] - time[0]
-    constant = size * max(0.25, 0.02 * loading)
+    constant = size * min(0.05 * rig.loading_s, SLOWEST_S)
     out = np.array(recording.stress_MPa)
     for i in range(1, len(out)):
         gone = 1 - np.exp(-(time[i] - time[i - 1]) / constant)
         middle = 0.5 * (recording.stress_MPa[i] + recording.stress_MPa[i - 1])
         if np.isfinite(middle) and np.isfinite(out[i - 1]):
             out[i] = out[i - 1] + gone * (middle - out[i - 1])
-    return changed(recording, out)
+    values = {"time_constant_s": constant, "quality_squared": 0.0}
+    return changed(recording, out), values
 
 
-def drift(recording: Recording, size: float, top: float) -> Recording:
-    """One peak stress an hour, or a twelfth of one by the end of a short recording."""
+def drift(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
+    """One rate, as the cell is one; zeroed before each recording."""
     time = recording.time_s - recording.time_s[0]
-    speed = size * max(1 / 3600, 0.08 / time[-1]) * peak(recording)
-    return changed(recording, recording.stress_MPa + speed * time)
+    seconds = np.clip(rig.longest_s / 0.08, WARM_S, 3600.0)
+    speed = size * rig.top / float(seconds)
+    made = changed(recording, recording.stress_MPa + speed * time)
+    return made, {"drift_MPa_per_s": speed}
 
 
-def gain(recording: Recording, size: float, top: float) -> Recording:
-    return changed(recording, recording.stress_MPa * (1 + 0.105 * size))
+def gain(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
+    """Another calibration for these recordings."""
+    error = 0.105 * size
+    return changed(recording, recording.stress_MPa * (1 + error)), {"error": error}
 
 
-def slip(recording: Recording, size: float, top: float) -> Recording:
-    """A tenth of the largest strain, at seven tenths of the first loading."""
-    time = recording.time_s
-    moment = 0.7 * (time[first_turn(recording) - 1] - time[0])
-    slid = np.clip((time - time[0] - moment) / max(0.02 * moment, 1e-9), 0, 1)
-    jump = side(recording) * 0.1 * size * amplitude(recording) * slid
-    return recording.with_step("slip", {"size": size}, strain=recording.strain + jump)
+def slip(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
+    """A tenth of the largest strain, when the strain first comes to 70 % of that."""
+    slid = slips.Slip(slips.NOMINAL * size, 0.014 * rig.loading_s)
+    stress, values = slid.of(recording)
+    return recording.with_step("slip", {"size": size}, stress_MPa=stress), values
 
 
-def section(recording: Recording, size: float, top: float) -> Recording:
+def section(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
     """A cross-section typed half as large, at size 1."""
-    return changed(recording, recording.stress_MPa * (1 + size))
+    return changed(recording, recording.stress_MPa * (1 + size)), {"error": size}
 
 
-def drying(recording: Recording, size: float, top: float) -> Recording:
-    """Stiffer by a quarter at the end, steadily: a stress that rises in a hold."""
+def drying(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]:
+    """Stiffer by a quarter by the end of the longest recording, at one rate."""
     time = recording.time_s - recording.time_s[0]
-    return changed(
-        recording, recording.stress_MPa * (1 + 0.25 * size * time / time[-1])
-    )
+    speed = 0.25 * size / rig.longest_s
+    made = changed(recording, recording.stress_MPa * (1 + speed * time))
+    return made, {"rate_per_s": speed}
 
 
-def changed(recording: Recording, stress: np.ndarray) -> Recording:
+def changed(recording: Recording, stress: Array) -> Recording:
     return recording.with_step("made fault", stress_MPa=stress)
 
 
 FAULTS = {
-    "slack": Fault("slack", slack, 0.5, "a gap of 5 % of the largest strain"),
+    "slack": Fault(
+        "slack", slack, 0.5, "a gap of 5 % of the largest strain", can=slips.one_sided
+    ),
     "offset": Fault("zero_offset", offset, 0.34, "5.5 % of the peak stress"),
     "clip": Fault("load_cell_saturation", clip, 1.0, "at 78 % of the peak stress"),
-    "lag": Fault("sensor_lag", lag, 1.0, "0.25 s, or 2 % of the first loading"),
-    "drift": Fault("load_cell_drift", drift, 1.0, "one peak an hour, 8 % at least"),
+    "lag": Fault("sensor_lag", lag, 1.0, "5 % of the fastest loading, 1 s at most"),
+    "drift": Fault(
+        "load_cell_drift",
+        drift,
+        1.0,
+        "8 % of the peak by the end; a peak in 10 minutes at most, in 1 hour at least",
+    ),
     "gain": Fault("gain_error", gain, 0.34, "10.5 %", own_scale=True),
-    "slip": Fault("grip_slip", slip, 0.34, "10 % of the largest strain"),
+    "slip": Fault(
+        "grip_slip", slip, 0.34, "10 % of the largest strain", can=slips.possible
+    ),
     "section": Fault("gain_error", section, 0.0, "half of one specimen's", among=True),
     "drying": Fault(UNLISTED, drying, 1.0, "25 % stiffer by the end", held=True),
 }
@@ -166,13 +249,15 @@ def one_less(case: Case, rng: np.random.Generator) -> Case:
     return Case(case.name, left, specimen=specimen)
 
 
-def faulty(case: Case, fault: Fault, size: float, rng: np.random.Generator) -> Case:
+def faulty(case: Case, fault: Fault, size: float, rng: np.random.Generator) -> Made:
     """A copy of the case with the fault in `share` of its recordings, drawn."""
-    count = len(case.recordings)
-    chosen = rng.permutation(count)[: max(1, round(fault.share * count))]
-    top = max(peak(r) for r in case.recordings)
-    made = tuple(
-        fault.make(r, size, top) if i in chosen else r
-        for i, r in enumerate(case.recordings)
-    )
-    return Case(case.name, made, specimen=case.specimen)
+    order = rng.permutation(len(case.recordings))
+    able = [int(i) for i in order if fault.can(case.recordings[i])]
+    chosen = sorted(able[: max(1, round(fault.share * len(order)))])
+    rig, recordings = Rig(case.recordings), list(case.recordings)
+    values = []
+    for i in chosen:
+        recordings[i], told = fault.make(recordings[i], size, rig)
+        values.append(told)
+    made = Case(case.name, tuple(recordings), specimen=case.specimen)
+    return Made(case, made, tuple(chosen), tuple(values))

@@ -79,7 +79,7 @@ def report(
             for g in groups
         ],
         "rows": [
-            {**asdict(r), **agreement(r, material[r.set, r.group]),
+            {**r.published(), **agreement(r, material[r.set, r.group]),
              "bars_met": met(r, material[r.set, r.group])}
             for r in untouched
         ],

@@ -15,7 +15,7 @@ from bench.recordings.groups import Group
 from bench.recordings.sets import Material
 from bench.scoring import Rate
 from softnn.json_file import plain
-from softnn.mismatch.posterior import SURE
+from softnn.mismatch.compare import NAMED, SURE
 from softnn.study.common import percent, provenance_of
 
 MAIN = "pl-wiechert"  # the base that bars and faults are about
@@ -45,6 +45,14 @@ class Row:
     heldout: list[float] = field(default_factory=list)
     ratio: list[float] = field(default_factory=list)
     noise_nrmse: float | None = None
+    # Laws that cannot be told apart: name, members and probability of each class.
+    classes: list[dict[str, Any]] = field(default_factory=list)
+    floor: dict[str, Any] = field(default_factory=dict)  # what replicates differ by
+    tolerance: float | None = None
+    good_enough: bool | None = None
+    action: str = ""
+    model: dict[str, Any] = field(default_factory=dict)  # corrected; not published
+    oracle: dict[str, Any] = field(default_factory=dict)  # `oracle.Gain` of a copy
     unseen: dict[str, Any] = field(default_factory=dict)
     error: str = ""
     seconds: float = 0.0
@@ -73,12 +81,38 @@ class Row:
         self.heldout = [fit[k]["heldout_nrmse"] for k in ("before", "after")]
         self.ratio = [fit["heldout_ratio"], *fit["heldout_ratio_95"]]
         self.noise_nrmse = fit["noise_nrmse"]
+        self.classes = list(result.get("classes") or [])
+        self.floor = dict(result.get("floor") or {})
+        self.tolerance = result.get("tolerance")
+        self.good_enough = result.get("good_enough")
+        self.action = result.get("action") or ""
+
+    def said(self, least: float = NAMED) -> list[frozenset[str]]:
+        """What is named with such a probability: effects, and classes of laws.
+
+        A class says that one of its members is there.
+        """
+        names = [
+            n
+            for n in self.selected
+            if least <= NAMED or self.probability.get(n, 0) >= least
+        ]
+        likely = [c["members"] for c in self.classes if c["probability"] >= least]
+        return [frozenset({n}) for n in names] + [frozenset(m) for m in likely]
+
+    def published(self) -> dict[str, Any]:
+        """The row as a result file has it."""
+        return {k: v for k, v in asdict(self).items() if k != "model"}
 
     def line(self) -> str:
         what = " ".join(filter(None, [self.kind, self.split, self.label, self.fault]))
         head = f"{self.set} {self.group} [{self.base}] {what}: "
         if self.error:
             return head + f"not diagnosed: {self.error}"
+        if self.kind == "oracle":
+            gain = self.oracle.get("gain", 0.0)
+            seen = "seen" if self.oracle.get("seen") else "not seen"
+            return head + f"{seen}, {gain:.3f} of a logarithm ({self.seconds:.0f} s)"
         names = ", ".join(self.selected) or self.verdict
         errors = self.unseen or dict(
             zip(("before", "after"), self.heldout, strict=True)
@@ -142,59 +176,94 @@ def met(row: Row, material: Material) -> bool | None:
     )
 
 
+def new(copy: Row, original: Row, least: float = NAMED) -> list[frozenset[str]]:
+    """What a copy says with such a probability and the original does not even suspect.
+
+    A name is no news beside a class that has it, nor a class beside one of its names.
+    """
+    before = original.said()
+    return [one for one in copy.said(least) if not any(one & had for had in before)]
+
+
 def fault_scores(rows: Sequence[Row]) -> dict[str, Any]:
     """Faults found on top of what is named in the copy without one.
 
-    How often a name is new where there is no fault is told by copies that lack a
-    recording.
+    A class of laws counts as a name, and is right if the fault is one of its members.
+    Faults that a fit which knows them does not see (`oracle`) are counted apart. How
+    often a name is new where there is no fault is told by copies that lack a recording.
     """
     originals = {(r.set, r.group): r for r in rows if not r.fault}
-    plain = {key: set(r.selected) for key, r in originals.items()}
     told: list[dict[str, Any]] = []
-    control = [
-        set(r.selected) - plain[r.set, r.group]
-        for r in rows
-        if r.fault == CONTROL and (r.set, r.group) in plain and not r.error
-    ]
+    control: dict[float, list[bool]] = {NAMED: [], SURE: []}
     for r in rows:
-        base = plain.get((r.set, r.group))
-        if not r.expected or base is None or r.error:
+        base = originals.get((r.set, r.group))
+        if base is None or r.error or base.error:
             continue
-        new = set(r.selected) - base
-        told.append(
-            {
-                "set": r.set,
-                "group": r.group,
-                "fault": r.fault,
-                # What the original has already cannot be new.
-                "there_before": r.expected in base,
-                "found": not new if r.expected == UNLISTED else r.expected in new,
-                "equivalent": r.expected in r.equivalent,
-                "said": r.selected or [r.verdict],
-                # What the account of the original misses, beside which it must be seen.
-                "left": next(reversed(originals[r.set, r.group].heldout), None),
-                "false": sorted(new - {r.expected}),
-                "lost": sorted(base - set(r.selected)),
-            }
-        )
+        if r.fault == CONTROL:
+            for least, news in control.items():
+                news.append(bool(new(r, base, least)))
+        elif r.expected:
+            told.append(_told(r, base))
     counted = [t for t in told if not t["there_before"]]
-    by = {
-        name: rate(sum(t["found"] for t in mine), len(mine))
-        for name in dict.fromkeys(t["fault"] for t in counted)
-        if (mine := [t for t in counted if t["fault"] == name])
-    }
+    seen = [t for t in counted if t["seen"]]
+    known = [t for t in counted if t["seen"] is not None]
     close = [t for t in counted if t["left"] is not None and t["left"] < CLOSE]
+
+    def share(key: str, of: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+        return rate(sum(bool(t[key]) for t in of), len(of))
+
+    names = dict.fromkeys(t["fault"] for t in counted)
+
+    def each(key: str, of: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+        return {n: share(key, [t for t in of if t["fault"] == n]) for n in names}
+
     return {
         **made_of(rows),
         "close": CLOSE,
-        "found_where_close": rate(sum(t["found"] for t in close), len(close)),
-        "found": rate(sum(t["found"] for t in counted), len(counted)),
-        "with_a_false_name": rate(sum(bool(t["false"]) for t in counted), len(counted)),
-        "new_without_a_fault": rate(sum(map(bool, control)), len(control)),
-        "by_fault": by,
+        "found_where_close": share("found", close),
+        "found": share("found", counted),
+        "seen_by_oracle": share("seen", known),
+        "found_of_seen": share("found", seen),
+        "with_a_false_name": share("false", counted),
+        "with_a_sure_false_name": share("surely_false", counted),
+        "new_without_a_fault": rate(sum(control[NAMED]), len(control[NAMED])),
+        "surely_new_without_a_fault": rate(sum(control[SURE]), len(control[SURE])),
+        "by_fault": each("found", counted),
+        "by_fault_seen": each("seen", known),
+        "by_fault_found_of_seen": each("found", seen),
         "copies": told,
-        "originals": {" ".join(k): sorted(v) for k, v in plain.items()},
+        "originals": {" ".join(k): sorted(r.selected) for k, r in originals.items()},
     }
+
+
+def _told(copy: Row, base: Row) -> dict[str, Any]:
+    """What a copy with a made fault says, against its original."""
+    false = {
+        least: [one for one in new(copy, base, least) if copy.expected not in one]
+        for least in (NAMED, SURE)
+    }
+    has = any(copy.expected in one for one in copy.said())
+    return {
+        "set": copy.set,
+        "group": copy.group,
+        "fault": copy.fault,
+        # What the original has already cannot be new.
+        "there_before": any(copy.expected in one for one in base.said()),
+        "found": not false[NAMED] if copy.expected == UNLISTED else has,
+        "seen": copy.oracle.get("seen"),
+        "oracle": copy.oracle,
+        "equivalent": copy.expected in copy.equivalent,
+        "said": [_words(one) for one in copy.said()] or [copy.verdict],
+        # What the account of the original misses, beside which it must be seen.
+        "left": next(reversed(base.heldout), None),
+        "false": sorted(map(_words, false[NAMED])),
+        "surely_false": sorted(map(_words, false[SURE])),
+        "lost": sorted(_words(one) for one in new(base, copy)),
+    }
+
+
+def _words(said: frozenset[str]) -> str:
+    return " or ".join(sorted(said))
 
 
 def rate(right: int, of: int) -> dict[str, float | int | None]:

@@ -12,11 +12,13 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from bench.recordings import faults, oracle, slip
 from bench.recordings.faults import CONTROL, FAULTS, faulty, one_less
 from bench.recordings.groups import Group, discover, first_loading, first_turn
 from bench.recordings.predict import misses, summary, usable
@@ -27,7 +29,7 @@ from softnn.contracts import InputError
 from softnn.database import Store
 from softnn.mismatch.case import to_data
 from softnn.mismatch.diagnosis import Diagnosis, diagnose
-from softnn.models.units import BASES
+from softnn.models.bases import BASES
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
 from softnn.study.common import (
@@ -48,13 +50,14 @@ class Task:
     """One diagnosis to be made, and what it is for."""
 
     group: Group
-    kind: str  # "all", "split", "monotonic" or "fault"
+    kind: str  # "all", "split", "monotonic", "fault" or "oracle"
     base: str
     samples: int
     seed: int
     split: int = -1
     fault: str = ""
     size: float = 1.0
+    model: dict[str, Any] = field(default_factory=dict)  # of the original
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -108,6 +111,7 @@ def run(a: argparse.Namespace) -> None:
     file = home / "recordings" / "rows.sqlite"
     with Store(file, fresh=a.fresh or a.smoke) as store:
         rows = carried_out(tasks, a.jobs, store)
+        rows = with_oracle(tasks, rows, a.jobs, store)
     digest = data_hash([r for g in groups for r in g.recordings])
     report(rows, groups, left_out, a, digest, MAIN if MAIN in bases else bases[-1])
 
@@ -180,6 +184,25 @@ def carried_out(tasks: Sequence[Task], jobs: int, store: Store) -> list[Row]:
     return [replace(r, kind=t.kind) for r, t in zip(rows, tasks, strict=True)]
 
 
+def with_oracle(
+    tasks: Sequence[Task], rows: Sequence[Row], jobs: int, store: Store
+) -> list[Row]:
+    """The rows, those of made faults with what a fit gains that knows the fault."""
+    models = {
+        (r.set, r.group): r.model for r in rows if r.kind == "fault" and not r.fault
+    }
+    put: dict[int, Task] = {}
+    for i, (task, row) in enumerate(zip(tasks, rows, strict=True)):
+        model = models.get((row.set, row.group))
+        if row.expected and model:
+            put[i] = replace(task, kind="oracle", model=model)
+    found = carried_out(list(put.values()), jobs, store) if put else []
+    out = list(rows)
+    for i, row in zip(put, found, strict=True):
+        out[i] = replace(out[i], oracle=row.oracle)
+    return out
+
+
 def key_of(task: Task) -> str:
     """What a row depends on: the task, the recordings, and the code that diagnoses.
 
@@ -189,10 +212,11 @@ def key_of(task: Task) -> str:
     way = [] if task.split < 0 else [g.splits[task.split]]
     made = (task.fault, task.size) if task.fault else ("", 0.0)
     kind = "all" if task.kind == "fault" and not task.fault else task.kind
-    about = [kind, task.base, task.samples, task.seed, *made]
+    about = [kind, task.base, task.samples, task.seed, *made, task.model]
+    mine = [Path(m.__file__ or "") for m in (faults, slip, oracle)]
     return fingerprint(
         [g.label, g.specimens, data_hash(g.recordings), about, *map(asdict, way)],
-        files=package_files(),
+        files=[*package_files(), *(mine if task.fault else [])],
     )
 
 
@@ -213,10 +237,10 @@ def work(task: Task) -> Row:
 
 
 def new_row(task: Task, found: Diagnosis | None = None) -> Row:
-    row = Row(task.group.set, task.group.name, task.kind, task.base)
-    row.fault = task.fault
+    row = Row(task.group.set, task.group.name, task.kind, task.base, fault=task.fault)
     if found is not None:
         row.take(found.result)
+        row.model = found.model_json
     return row
 
 
@@ -263,11 +287,20 @@ def fault(task: Task) -> Row:
     case = usable(task.group.case(), task.samples)
     made = FAULTS.get(task.fault)
     if made:
-        case = faulty(case, made, task.size, rng_of(task))
+        case = faulty(case, made, task.size, rng_of(task)).case
     elif task.fault == CONTROL:
         case = one_less(case, rng_of(task))
     row = new_row(task, diagnose(case, task.base, task.seed))
     row.expected = made.effect if made else ""
+    return row
+
+
+def gain(task: Task) -> Row:
+    """What a fit gains that knows the fault of a copy."""
+    case = usable(task.group.case(), task.samples)
+    made = faulty(case, FAULTS[task.fault], task.size, rng_of(task))
+    row = new_row(task)
+    row.oracle = oracle.asked(made, FAULTS[task.fault], task.base, task.model)
     return row
 
 
@@ -276,4 +309,5 @@ KINDS: dict[str, Callable[[Task], Row]] = {
     "split": split,
     "monotonic": monotonic,
     "fault": fault,
+    "oracle": gain,
 }

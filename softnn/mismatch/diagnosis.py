@@ -16,12 +16,16 @@ from softnn import glance, progress
 from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
-from softnn.mismatch import base, untaught, written
-from softnn.mismatch.base import beyond, usable
-from softnn.mismatch.case import Case, check_case, check_model, in_order, to_data
+from softnn.mismatch import base, families, plan, untaught, written
+from softnn.mismatch.base import Baseline, beyond, usable
+from softnn.mismatch.case import Case, check_case, in_order, to_data
+from softnn.mismatch.decision import TOLERANCE
 from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
-from softnn.model_file import Correction, Stored, from_dict, to_dict
+from softnn.mismatch.plan import Plan
+from softnn.model_file import Correction, Stored, from_dict, in_units, to_dict
+from softnn.models import hyperelastic
+from softnn.models.bases import check
 from softnn.recording import Recording
 
 if TYPE_CHECKING:
@@ -80,7 +84,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """explained, partly_explained, unexplained, nothing_missing or undetermined."""
+        """One of the verdicts of `softnn.mismatch.decision.TABLE`."""
         return str(self.result["verdict"])
 
     @property
@@ -101,6 +105,21 @@ class Diagnosis:
         assert isinstance(stored, Stored)
         return stored
 
+    def next_recording(
+        self,
+        minutes: float | None = None,
+        max_strain: float | None = None,
+        max_rate: float | None = None,
+    ) -> Plan | None:
+        """Return the recording that separates the models left; None if one is left.
+
+        Its `time_s` and `strain` are the programme, in the units of `axes`. `minutes`,
+        `max_strain` and `max_rate` (1/s) limit it; None takes what was recorded so far.
+        Raises `InputError` if nothing fits into the limits.
+        """
+        left = plan.Alternatives.from_dict(self.result["alternatives"])
+        return left.plan(plan.Limits(minutes, max_strain, max_rate))
+
     def to_frame(self) -> pd.DataFrame:
         """Return a table of the candidates, a row each, the likeliest first."""
         import pandas as pd
@@ -115,7 +134,10 @@ class Diagnosis:
         return write_report(self, path)[-1]
 
     def save(self, folder: str | Path) -> Path:
-        """Write diagnosis.json, model.json, base.json and the report into `folder`."""
+        """Write diagnosis.json, model.json, base.json and the report into `folder`.
+
+        next_recording.csv is the programme to record next, if there is one.
+        """
         from softnn.json_file import write
 
         progress.stage("writing")
@@ -128,27 +150,38 @@ class Diagnosis:
             write(aside / "base.json", self.base_json)
             self.report(aside)
             write(aside / "diagnosis.json", self.result)
-            for file in ("model.json", "base.json", "report.html", "diagnosis.json"):
-                (aside / file).replace(target / file)  # diagnosis.json last
+            if plan.write(self.next_recording(), aside) is None:
+                (target / plan.FILE).unlink(missing_ok=True)  # of an earlier diagnosis
+            files = ("model.json", "base.json", "report.html", plan.FILE, plan.DONE)
+            for file in files:  # diagnosis.json last
+                if (aside / file).exists():
+                    (aside / file).replace(target / file)
         return target
 
 
 def diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None = None, seed: int = 0
+    case: Case,
+    model: str | Stored | StoredNetwork | None = None,
+    seed: int = 0,
+    tolerance: float = TOLERANCE,
 ) -> Diagnosis:
     """Diagnose a case with the base `model`; return a `Diagnosis`.
 
     None takes the model that the case names, else its `simulated_MPa`, else
-    pl-wiechert. A stored model stays as it is, without a refit. Raises `InputError` for
+    pl-wiechert. A stored model stays as it is, without a refit. `tolerance` is the
+    error of prediction, a fraction, that is good enough. Raises `InputError` for
     recordings that cannot be diagnosed.
     """
     # The matrices are small: with several threads the products take longer.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnose(case, model, seed)
+        return _diagnose(case, model, seed, tolerance)
 
 
 def _diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None, seed: int
+    case: Case,
+    model: str | Stored | StoredNetwork | None,
+    seed: int,
+    tolerance: float,
 ) -> Diagnosis:
     clock = time.perf_counter()
     progress.stage("diagnosing")
@@ -156,11 +189,17 @@ def _diagnose(
     case = in_order(case)
     if seed < 0:
         raise InputError(f"seed is {seed}; allowed is a whole number from 0")
+    if not 0 < tolerance < 1:
+        raise InputError(
+            f"tolerance is {tolerance:g}; allowed is a fraction above 0 and below 1, "
+            "as 0.02 for 2 %"
+        )
     rng = np.random.default_rng(seed)
     model = case.model if model is None else model
     source, never = None, list[untaught.Stretch]()
     if isinstance(model, str):
-        check_model(model)
+        if model != families.AUTO:
+            check(model)
     elif model is not None:
         source = model.source
         case = replace(_simulated_by(case, model), model=None)
@@ -169,7 +208,8 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    told = judge(base.start(counted(case, axes), model))
+    base_ = _start(counted(case, axes), model, axes.component)
+    told = judge(base_, tolerance)
     progress.part("the result", 0)
     learned = None
     if told.verdict == "unexplained":
@@ -185,7 +225,10 @@ def _diagnose(
     names, fixed = shown.data.names, told.base.fixed
 
     def stored(one: Fit, extra: Correction | None = None) -> dict[str, Any]:
-        return to_dict(one.guess, names, case.history, fixed, extra, source, axes)
+        guess, own = in_units(one.guess, axes)
+        if extra is not None and own is not axes:
+            extra = extra.with_stress(axes.stress.one)
+        return to_dict(guess, names, case.history, fixed, extra, source, own)
 
     def stress(one: Fit) -> list[Array]:
         found = shown.by_recording(shown.run(one.guess, False)[0])
@@ -204,6 +247,18 @@ def _diagnose(
     )
 
 
+def _start(case: Case, model: str | None, component: bool) -> Baseline:
+    """Return the best fit of the base; strains of a component are deflections."""
+    if model == families.AUTO:
+        return families.chosen(case, component)
+    if component and model is not None and model.split(":")[0] in hyperelastic.NAMES:
+        raise InputError(
+            f"model is {model!r}; a hyperelastic law needs strains, and these are "
+            "deflections: give --length and --area, or take --model pl-wiechert"
+        )
+    return base.start(case, model)
+
+
 def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
     """Return the case with the stress of a stored model as its simulation."""
     common({"the model": stored.axes} | {r.name: r.axes for r in case.recordings})
@@ -216,10 +271,16 @@ def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
 
 
 def _axes(case: Case) -> Axes:
-    """Return the axes of a case; a component gets round numbers of its units as 1."""
+    """Return the axes of a case, with what counts as 1 in fits.
+
+    That is the largest stress of specimens, so no answer depends on the unit of stress;
+    and round numbers of the units of a component.
+    """
     axes = common({r.name: r.axes for r in case.recordings})
     if not axes.component:
-        return axes
+        every = [np.nanmax(np.abs(r.stress_MPa), initial=0.0) for r in case.recordings]
+        largest = float(max(every)) or 1.0
+        return replace(axes, stress=replace(axes.stress, one=largest))
     strain = max(float(np.nanmax(np.abs(r.strain))) for r in case.recordings)
     stress = max(float(np.nanmax(np.abs(r.stress_MPa))) for r in case.recordings)
     return axes.counted(strain, stress)

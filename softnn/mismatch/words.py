@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from softnn.effects import effect
+from softnn.mismatch.compare import LIKELY, NAMED, SURE
 from softnn.mismatch.decision import HELPS
-from softnn.mismatch.posterior import LIKELY, NAMED, SURE
 from softnn.mismatch.prediction import BEAM
 from softnn.report.page import UNUSED
 from softnn.report.phrases import listed, number, opened, percent, plain, sure
@@ -53,13 +53,46 @@ def unused(result: Result) -> str:
 
 
 def _what(result: Result) -> str:
+    enough = _enough(result)
+    return f"{enough} {_missing(result)}".strip() if enough else _missing(result)
+
+
+def _enough(result: Result) -> str:
+    """Return that the simulation is good enough, and for what; "" if it is not."""
+    if result["verdict"] != "good_enough":
+        return ""
+    before = percent(result["fit"]["before"]["heldout_nrmse"])
+    return (
+        f"The simulation is good enough: it predicts {unused(result)} to {before}"
+        f"{_needed(result)}."
+    )
+
+
+def _needed(result: Result) -> str:
+    """Return what the error is held against: what replicates differ by, or a need."""
+    floor, need = result["floor"], percent(result["tolerance"])
+    if floor and floor["high"] > result["tolerance"]:
+        return f" ({floor['of']} differ by {percent(floor['nrmse'])})"
+    return f" ({need} is good enough)"
+
+
+def _missing(result: Result) -> str:
     nothing = result["probabilities"]["nothing"]
-    if result["selected"]:
+    if result["selected"] or result["classes"]:
         return _named(result)
-    if result["verdict"] == "nothing_missing":
-        return f"Nothing is missing ({sure(nothing)})."
     if result["shows"]["few"]:
         return "Too little was recorded to tell whether anything is missing."
+    if result["shows"]["noise"]:
+        return "The stress is hardly more than noise; nothing can be seen in it."
+    if result["verdict"] == "nothing_missing":
+        text = f"Nothing is missing ({sure(nothing)})"
+        if result["shows"]["only_loading"]:
+            return f"{text} in first loading; unloading was not recorded."
+        return f"{text}."
+    if result["verdict"] == "good_enough":
+        if result["shows"]["only_loading"]:
+            return "That is first loading alone; unloading was not recorded."
+        return ""
     if result["verdict"] == "unexplained":
         chance = result["probabilities"]["on_no_list"]
         if chance >= NAMED:
@@ -77,10 +110,7 @@ def _what(result: Result) -> str:
             "friction and others look alike there."
         )
     if nothing <= 1 - SURE:
-        return (
-            f"Something is missing ({sure(1 - nothing)}), but these recordings cannot "
-            "tell what."
-        )
+        return f"Something is missing ({sure(1 - nothing)}), and several effects fit."
     return "These recordings cannot tell what is missing, or whether anything is."
 
 
@@ -89,18 +119,27 @@ def _named(result: Result) -> str:
     every = _probability(result)
     parts = {e["effect"]: _in(result, e["recordings"]) for e in _own(result)}
 
-    def said(names: Sequence[str]) -> str:
-        return listed(
-            [f"{plain(n)}{parts.get(n, '')} ({sure(every[n])})" for n in names]
-        )
+    def said(names: Sequence[str]) -> list[str]:
+        return [f"{plain(n)}{parts.get(n, '')} ({sure(every[n])})" for n in names]
 
+    within = {m for c in result["classes"] for m in c["members"]}
     names = sorted(result["selected"], key=lambda n: -every[n])
-    certain = [n for n in names if every[n] >= SURE]
-    likely = [n for n in names if every[n] < SURE]
+    certain = said([n for n in names if every[n] >= SURE])
+    certain += [_class(c) for c in result["classes"]]
+    likely = [n for n in names if every[n] < SURE and n not in within]
     if not certain:
-        return f"Most likely {said(likely)} {_were(likely)} left out."
-    text = f"{opened(said(certain))} {_were(certain)} left out"
-    return f"{text}{f', and most likely {said(likely)}' if likely else ''}."
+        return f"Most likely {listed(said(likely))} {_were(likely)} left out."
+    text = f"{opened(listed(certain))} {_were(certain)} left out"
+    return f"{text}{f', and most likely {listed(said(likely))}' if likely else ''}."
+
+
+def _class(one: Mapping[str, Any]) -> str:
+    """Return laws that cannot be told apart here, and that one of them is there."""
+    them = " or ".join(plain(m) for m in one["members"])
+    chance = sure(one["probability"])
+    if one["name"]:
+        return f"{one['name']} ({them}: {chance})"
+    return f"{them} ({chance})"
 
 
 def _were(names: Sequence[str]) -> str:
@@ -135,15 +174,17 @@ def _error(result: Result) -> str:
     fit, new = result["fit"], unused(result)
     before, after = (percent(fit[k]["heldout_nrmse"]) for k in ("before", "after"))
     whole = [percent(fit[k]["nrmse"]) for k in ("before", "after")]
-    noise = f"noise {_noise(result)}"
+    held = _against(result)
     by, names = result["corrected_by"], result["selected"]
     if result["verdict"] == "nothing_missing":
-        return f"The simulation predicts {new} to {before} ({noise})."
+        return f"The simulation predicts {new} to {before}{held}."
     if names and all(effect(n).scatter for n in names):
         # Specimens have their own scale either way, so the error does not change.
-        return f"But for that, {new} are predicted to {before} ({noise})."
+        return f"But for that, {new} are predicted to {before}{held}."
     if not by:
-        return f"The simulation predicts {new} to {before} only ({noise})."
+        if result["verdict"] == "good_enough":
+            return ""
+        return f"The simulation predicts {new} to {before} only{held}."
     if not names:
         with_ = f"With {_listed(by)}"
     elif set(by) <= set(names):
@@ -157,14 +198,18 @@ def _error(result: Result) -> str:
         # A fault of single recordings does not help to predict others.
         return (
             f"{with_}, the error on all recordings is {whole[1]} instead of "
-            f"{whole[0]}; {new} are predicted to {after} instead of {before} ({noise})."
+            f"{whole[0]}; {new} are predicted to {after} instead of {before}{held}."
         )
-    return f"{with_}, {new} are predicted to {after} instead of {before} ({noise})."
+    return f"{with_}, {new} are predicted to {after} instead of {before}{held}."
 
 
-def _noise(result: Result) -> str:
-    fast = ", from sample to sample" if result["judged_by"] == "prediction" else ""
-    return f"{percent(result['fit']['noise_nrmse'])}{fast}"
+def _against(result: Result) -> str:
+    """Return what errors are held against: the noise, the floor, or the tolerance."""
+    if result["judged_by"] == "likelihood":
+        return f" (noise {percent(result['fit']['noise_nrmse'])})"
+    if result["verdict"] == "good_enough":
+        return ""  # said before
+    return _needed(result)
 
 
 # --- what stays open ------------------------------------------------------------------
@@ -178,8 +223,8 @@ def _open(result: Result) -> list[str]:
             f"The nearest known effect, {plain(near['effect'])}, accounts for "
             f"{percent(near['share'])} of the mismatch."
         )
-    beyond = result["judged_by"] == "prediction" and bool(names)
-    if beyond or result["verdict"] == "partly_explained":
+    if result["verdict"] == "partly_explained":
+        said += _remains(result)
         which = ORDINALS[min(len(names), len(ORDINALS) - 1)]
         maybe = f" (perhaps {listed(beside)})" if beside else ""
         said.append(
@@ -193,6 +238,14 @@ def _open(result: Result) -> list[str]:
         is_ = "is" if len(beside) == 1 else "are"
         said.append(f"{opened(listed(beside))} {is_} possible as well.")
     return _factors(result) + said + _structure(result)
+
+
+def _remains(result: Result) -> list[str]:
+    """Return what is left beside the effects that are named."""
+    if result["judged_by"] == "likelihood" or not result["corrected_by"]:
+        return []
+    left = percent(result["fit"]["after"]["heldout_nrmse"])
+    return [f"{left} remain{_needed(result)}."]
 
 
 def _factors(result: Result) -> list[str]:
@@ -254,88 +307,63 @@ def _structure(result: Result) -> list[str]:
 
 
 def _next(result: Result) -> str:
-    advice = result["next_recording"]
+    """Return what to do next, by the `action` of the decision."""
+    action, advice = result["action"], result["next_recording"]
     mistakes = [e for e in result["explanations"] if effect(e["effect"]).scatter]
     if mistakes:
         them = listed(mistakes[0]["recordings"][:FEW])
         return f"Check cross-section and units of {them}."
-    if advice:
-        separates = [plain(n) for n in advice["separates"]]
-        every = _probability(result)
-        if len(separates) == 2:
-            certain = [every.get(n, 0.0) >= SURE for n in advice["separates"]]
-            alike = frozenset(advice["separates"]) in _equivalent(result)
-            if any(certain) and not alike:  # the other may be there as well
-                return (
-                    f"To see whether {separates[certain[0]]} is there as well, record "
-                    f"{advice['strain_programme']}."
-                )
-            return (
-                f"To tell {separates[0]} from {separates[1]}, record "
-                f"{advice['strain_programme']}."
-            )
-        return f"Record {advice['strain_programme']}."
-    if result["shows"]["few"]:
-        return (
-            "Record more: cycles to growing strain, each amplitude twice, and a hold."
-        )
-    if result["corrected_by"]:
-        return "Simulate with the corrected model, model.json."
-    if result["verdict"] == "nothing_missing":
+    if action == "check_signal":
+        return "Check the force channel: its range, its cable and its zero."
+    if action == "use_simulation":
         return "Use the simulation as it is; its parameters are in base.json."
-    return "Record cycles at other rates and to other strains."
+    said = []
+    if action in ("use_corrected", "use_corrected_and_record"):
+        said.append("Simulate with the corrected model, model.json.")
+    if advice and (advice["expected"] is not None or action != "use_corrected"):
+        said.append(record(advice, result))
+    return " ".join(said)
 
 
-def next_recording(result: Result) -> dict[str, Any] | None:
-    """Return the recording that separates the likeliest effects; None if none can.
-
-    Only effects with a probability of 10 % or more are considered.
-    """
-    every = _probability(result)
-    names = list(every)
-    if not result["selected"] and result["shows"]["only_loading"]:
-        return {
-            "strain_programme": "cycles to growing strain, each amplitude twice, and a "
-            "hold",
-            "separates": names[:3],
-            "why": "effects that look alike on first loading part on the way back",
-        }
-    likely = [n for n in names if every[n] >= LIKELY]
-    open_ = [
-        (first, second)
-        for i, first in enumerate(likely)
-        for second in likely[i + 1 :]
-        if every[second] < SURE
-    ]
-    same = _equivalent(result)
-    # Two named effects rarely replace each other: such pairs come last. First comes the
-    # likeliest of the effects that are not named.
-    named = set(result["selected"])
-    open_.sort(
-        key=lambda pair: (
-            frozenset(pair) not in same,
-            set(pair) <= named,
-            -max((every[n] for n in pair if n not in named), default=0.0),
-        )
+def record(advice: Mapping[str, Any], result: Result) -> str:
+    """Return the recording to make next, what it tells, and how sure that is."""
+    if advice["programme"] is None:
+        return f"{opened(advice['why'])}."
+    asked = (
+        f"record: {advice['strain_programme']}{_times(advice)} (next_recording.csv)."
     )
-    for first, second in open_:
-        text = effect(first).twins.get(second) or effect(second).twins.get(first)
-        if text:
-            return {
-                "strain_programme": text,
-                "separates": [first, second],
-                "why": "the two differ there",
-            }
-    return None
+    if advice["expected"] is None:
+        return opened(asked)
+    text = opened(_purpose(advice["separates"], result) + asked)
+    text += f" {promise(advice['expected'])}"
+    if cheap := advice["cheap"]:
+        chance = sure(cheap["expected"]["sure"])
+        text += f" Cheaper, with {chance}: {cheap['strain_programme']}."
+    return text
 
 
-def _equivalent(result: Result) -> set[frozenset[str]]:
-    """Return the pairs of effects that do nearly as well in place of each other."""
-    return {
-        frozenset((told["effect"], other))
-        for told in result["explanations"]
-        for other in told["equivalent"]
-    }
+def _times(advice: Mapping[str, Any]) -> str:
+    """Return on how many specimens a programme is to be run; "" for one."""
+    return f", on {advice['specimens']} specimens" if advice["specimens"] > 1 else ""
+
+
+def promise(expected: Mapping[str, float]) -> str:
+    """Return how likely a recording settles the question."""
+    return f"That settles it with a probability of {sure(expected['sure'])}."
+
+
+def _purpose(names: Sequence[str], result: Result) -> str:
+    """Return what a recording is for, up to the comma; "" for no effect in question."""
+    if not names or not result["candidates"]:
+        return ""
+    every = _probability(result)
+    others = [n for n, p in every.items() if p >= SURE and n not in names]
+    if len(names) == 1:
+        also = " as well" if others else ""
+        return f"To see whether {plain(names[0])} is there{also}, "
+    if len(names) == 2:
+        return f"To tell {plain(names[0])} from {plain(names[1])}, "
+    return f"To tell {listed([plain(n) for n in names[:MOST]])} apart, "
 
 
 # --- reasons --------------------------------------------------------------------------

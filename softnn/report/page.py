@@ -14,6 +14,7 @@ import numpy as np
 from softnn.axes import Axes
 from softnn.contracts import Array, Effect
 from softnn.effects import effect
+from softnn.models import hyperelastic
 from softnn.report.phrases import listed, number, opened, plain
 
 ROWS = 40  # of the table of regions
@@ -23,6 +24,7 @@ VERDICTS = {
     "partly_explained": "Explained in part",
     "unexplained": "Not explained by any effect known here",
     "nothing_missing": "Nothing is missing",
+    "good_enough": "Good enough",
     "undetermined": "These recordings cannot tell",
 }
 UNUSED = {
@@ -37,6 +39,7 @@ BASES = {
     "pl-sls": "PL-SLS: a piecewise-linear spring beside one spring and dashpot",
     "pl-wiechert": "PL-Wiechert: a piecewise-linear spring beside several springs and "
     "dashpots",
+    **hyperelastic.SAID,
 }
 
 
@@ -123,11 +126,15 @@ def _considered(row: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, 
 
 
 def _sketch(advice: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """Return a drawing of the advised strain programme."""
-    from softnn.report.picture import sketch
+    """Return a drawing of the programme to record, and of the stress predicted."""
+    from softnn.report.picture import predicted, sketch
 
     drawn = advice and advice.get("programme")
-    return sketch(drawn["time_s"], drawn["strain"]) if drawn else None
+    if not (advice and drawn):
+        return None
+    out = sketch(drawn["time_s"], drawn["strain"])
+    out["predicted"] = predicted(drawn["strain"], advice["predictions"])
+    return out
 
 
 def _explained(told: Mapping[str, Any]) -> dict[str, Any]:
