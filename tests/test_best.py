@@ -23,6 +23,11 @@ from softnn.study.trainer import Trainer
 BEST = Path(studies.__path__[0]) / "best"
 RECOMMENDED = sorted(BEST.glob("architectures-*.json"))
 FILES = sorted(set(BEST.glob("*.json")) - set(RECOMMENDED))
+CASES = [
+    pytest.param(path, use, id=f"{path.stem}-{use}")
+    for path in RECOMMENDED
+    for use in json.loads(path.read_text(encoding="utf-8"))["networks"]
+]
 CHEAPEST = "NatPolR"  # 7,229 samples: a fold of it trains in a second
 # Two machines differ by rounding, which training amplifies. Even other starting weights
 # move an error of the cheapest by less than 0.2 %.
@@ -148,16 +153,14 @@ def test_every_recommended_network_and_published_count_is_kept():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("use", ["random", "unseen"])
-@pytest.mark.parametrize("path", RECOMMENDED, ids=lambda path: path.stem)
+@pytest.mark.parametrize(("path", "use"), CASES)
 def test_a_fold_of_a_recommended_network(path, use):
     one, found, again = retrained(path, use, {"random": slice(0, 1)})
     hold("random", found, again, one["folds_random"][:1], RELATIVE)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("use", ["random", "unseen"])
-@pytest.mark.parametrize("path", RECOMMENDED, ids=lambda path: path.stem)
+@pytest.mark.parametrize(("path", "use"), CASES)
 def test_every_fold_of_a_recommended_network(path, use):
     unseen = recommended(path)[0]["unseen"]
     parts = {unseen: slice(None), "random": slice(None)}
