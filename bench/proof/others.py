@@ -8,6 +8,7 @@ from typing import Any
 from bench.cost import cost_figure
 from bench.proof.page import Page, Result
 from bench.recordings import history
+from bench.recordings.reporting import FAULT_HEADS, fault_rows
 from bench.reporting import share
 from softnn.models.units import BASES
 from softnn.study.common import made_with, markdown, percent
@@ -79,16 +80,17 @@ def recordings(page: Page, found: Result) -> None:
         )
     faults = found.get("faults")
     if faults:
-        entries = [*faults["by_fault"].items(), ("all", faults["found"])]
-        entries.append(("a false name", faults["with_a_false_name"]))
-        entries.append(("a new name, nothing made", faults["new_without_a_fault"]))
-        cells = [[name, share(e), e["of"]] for name, e in entries]
         page.say(
             "Faults were added to copies of real recordings; softnn should find them "
             f"beside the effects of the material. {made_with(faults)}",
-            markdown(["fault", "found", "copies"], cells),
+            markdown(FAULT_HEADS, fault_rows(faults)),
             "A false name is a name that the diagnosis of the original does not have. "
-            "In the last row the copy has no fault but lacks a recording.",
+            "In the copies with one recording less nothing was made.",
+            "An oracle knows the law of a fault and its recordings. It sees the fault "
+            "if this law, beside the effects of the original, predicts better than the "
+            "scatter of the folds; what it does not see, nobody can find."
+            if "seen_by_oracle" in faults
+            else "",
         )
         missed(page, faults)
 

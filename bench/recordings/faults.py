@@ -71,7 +71,8 @@ class Fault:
     `make` takes a recording, the size and the rig. `share` of the recordings have it
     (rounded, at least one), of those that `can`; with `own_scale` it cannot be seen
     where each recording has a scale of its own, with `among` only where `SIBLINGS`
-    specimens are there to stand out from, with `held` only in a hold.
+    specimens are there to stand out from, with `held` only in a hold. With `flat` the
+    readings stay at one limit, which anybody sees.
     """
 
     effect: str
@@ -81,6 +82,7 @@ class Fault:
     own_scale: bool = False
     among: bool = False
     held: bool = False
+    flat: bool = False
     can: Callable[[Recording], bool] = lambda recording: True
 
     def shows(self, recordings: Sequence[Recording], specimens: bool) -> bool:
@@ -163,12 +165,15 @@ def lag(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]
     """First order; one filter for all recordings."""
     time = recording.time_s
     constant = size * min(0.05 * rig.loading_s, SLOWEST_S)
-    out = np.array(recording.stress_MPa)
+    stress = recording.stress_MPa
+    out = np.array(stress)
     for i in range(1, len(out)):
-        gone = 1 - np.exp(-(time[i] - time[i - 1]) / constant)
-        middle = 0.5 * (recording.stress_MPa[i] + recording.stress_MPa[i - 1])
-        if np.isfinite(middle) and np.isfinite(out[i - 1]):
-            out[i] = out[i - 1] + gone * (middle - out[i - 1])
+        step = max(time[i] - time[i - 1], 1e-12)
+        # Exact for a stress that is straight between samples.
+        behind = constant * (stress[i] - stress[i - 1]) / step
+        before = out[i - 1] - stress[i - 1] + behind
+        if np.isfinite(before):
+            out[i] = stress[i] - behind + before * np.exp(-step / constant)
     values = {"time_constant_s": constant, "quality_squared": 0.0}
     return changed(recording, out), values
 
@@ -217,7 +222,7 @@ FAULTS = {
         "slack", slack, 0.5, "a gap of 5 % of the largest strain", can=slips.one_sided
     ),
     "offset": Fault("zero_offset", offset, 0.34, "5.5 % of the peak stress"),
-    "clip": Fault("load_cell_saturation", clip, 1.0, "at 78 % of the peak stress"),
+    "clip": Fault("load_cell_saturation", clip, 1.0, "at 78 % of the peak", flat=True),
     "lag": Fault("sensor_lag", lag, 1.0, "5 % of the fastest loading, 1 s at most"),
     "drift": Fault(
         "load_cell_drift",

@@ -24,6 +24,7 @@ where too few samples tell the branch, or where the stress does not rise all alo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -176,9 +177,7 @@ def segments(time: Array, strain: Array) -> list[Segment]:
         cuts = {c for c in cuts if not first < c < last} | {first, last}
     order = sorted(cuts)
     still = {first for first, _ in held}
-    return [
-        Segment(a, b, a in still) for a, b in zip(order[:-1], order[1:], strict=True)
-    ]
+    return [Segment(a, b, a in still) for a, b in pairwise(order)]
 
 
 def _turns(strain: Array, back: float) -> list[int]:
@@ -204,7 +203,7 @@ def _held(time: Array, strain: Array, band: float) -> list[tuple[int, int]]:
             edges.append(i)
             first = i
     edges.append(len(strain) - 1)
-    stays = [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
+    stays = [(a, b) for a, b in pairwise(edges) if b > a]
     took = np.array([time[b] - time[a] for a, b in stays])
     usual = float(np.median(took))
     out: list[tuple[int, int]] = []
