@@ -112,7 +112,7 @@ def missed(page: Page, faults: Mapping[str, Any]) -> None:
         "In some sets the corrected model of the original predicts left-out recordings "
         f"within {percent(faults['close'], 0)} of their range. There "
         f"{share(close) or '-'} of {close['of']} faults were found. All faults that "
-        "were missed:"
+        "were missed (* where no oracle sees them):"
     )
     for c in faults["copies"]:
         if not (c["found"] or c["there_before"]):
@@ -121,7 +121,7 @@ def missed(page: Page, faults: Mapping[str, Any]) -> None:
         [
             f"{name} {group}".strip(),
             percent(left),
-            "; ".join(f"{c['fault']}: {', '.join(c['said'])}" for c in copies),
+            "; ".join(map(told, copies)),
         ]
         for (name, group, left), copies in sorted(
             lost.items(), key=lambda kv: -(kv[0][2] or 0)
@@ -129,6 +129,12 @@ def missed(page: Page, faults: Mapping[str, Any]) -> None:
     ]
     heads = ["recordings", "error without a fault", "fault: names or verdict"]
     page.say(markdown(heads, rows) if rows else "")
+
+
+def told(copy: Mapping[str, Any]) -> str:
+    """A fault that was missed and what was said; * where an oracle misses it too."""
+    mark = " *" if copy.get("seen") is False else ""
+    return f"{copy['fault']}{mark}: {', '.join(copy['said'])}"
 
 
 def cost(page: Page, found: Result) -> None:

@@ -120,21 +120,13 @@ def slack(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Value
     quiet = noise(recording.stress_MPa) * np.random.default_rng(len(time)).normal(
         size=len(lead)
     )
-    begun = {
-        "time_s": lead,
-        "strain": recording.strain[0] + way * gap * lead / to_close,
-        "stress_MPa": recording.stress_MPa[0] + quiet,
-    }
-    after = {
-        "time_s": time - time[0] + to_close,
-        "strain": recording.strain + way * gap,
-        "stress_MPa": recording.stress_MPa,
-    }
-    if recording.temperature_C is not None:
-        begun["temperature_C"] = np.full(len(lead), recording.temperature_C[0])
-        after["temperature_C"] = recording.temperature_C
+    closing = recording.strain[0] + way * gap * lead / to_close
+    warm = recording.temperature_C
     return Recording(
-        **{k: np.concatenate([begun[k], after[k]]) for k in after},
+        np.concatenate([lead, time - time[0] + to_close]),
+        np.concatenate([closing, recording.strain + way * gap]),
+        np.concatenate([recording.stress_MPa[0] + quiet, recording.stress_MPa]),
+        None if warm is None else np.concatenate([np.full(len(lead), warm[0]), warm]),
         name=recording.name,
         specimen=recording.specimen,
         test=recording.test,

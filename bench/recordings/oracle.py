@@ -20,7 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
@@ -49,7 +50,7 @@ class Drying(Effect):
     stage = "sensor"
     ports = ("stress",)
     parameters = (Parameter("rate_per_s", "1/s", -1e3, 1e3, 1e-3, meaning="rate"),)
-    off: ClassVar = {"rate_per_s": 0.0}
+    off = MappingProxyType({"rate_per_s": 0.0})
     amplitude = "rate_per_s"
 
     def after(self, p, signal, state):

@@ -81,7 +81,8 @@ class Ramp:
         on = np.maximum.accumulate(self.way * strain)
         good = np.isfinite(stress) & np.append(True, np.diff(on) > 0)
         # Where nothing was measured, nothing can be taken.
-        self.x, self.y = (on[good], stress[good]) if good.any() else np.zeros((2, 1))
+        self.x: Array = on[good] if good.any() else np.zeros(1)
+        self.y: Array = stress[good] if good.any() else np.zeros(1)
         reach = min(most, float(np.ptp(self.x))) if len(self.x) > 1 else 0.0
         self.low = self._slope(self.x[0], self.x[0] + reach) if reach else 0.0
         self.high = self._slope(self.x[-1] - reach, self.x[-1]) if reach else 0.0
