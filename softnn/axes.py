@@ -108,11 +108,10 @@ class Axes:
         >>> bench.of(Parameter("stiffness_MPa", "MPa", 0, 1, 0, per_strain=1))
         (2.0, 'Nm/deg')
         """
-        unit, size = parameter.unit, 1.0
+        unit = parameter.unit.replace("MPa", self.stress.unit)
+        size = self.stress.one**-parameter.per_stress
         if not self.component:
             return size, unit
-        if "MPa" in unit:
-            size, unit = self.stress.one, unit.replace("MPa", self.stress.unit)
         power = -parameter.per_strain
         if power:
             size *= self.strain.one**power

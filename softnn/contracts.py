@@ -91,6 +91,15 @@ class Parameter:
     meaning: str = ""
     per_strain: int = 0  # power of strain it is divided by: -1 is a strain itself
 
+    @property
+    def per_stress(self) -> int:
+        """Power of stress that it is divided by: -1 is a stress itself.
+
+        >>> Parameter("drift", "MPa/s", 0, 1, 0).per_stress
+        -1
+        """
+        return ("1/MPa" in self.unit) - ("MPa" in self.unit.replace("1/MPa", ""))
+
     def check(self, value: ArrayLike) -> None:
         """Raise `InputError` unless every entry of `value` is within [low, high]."""
         values = np.atleast_1d(np.asarray(value, dtype=float))
@@ -261,7 +270,6 @@ class Effect(ABC):
     some: bool = False  # a mistake in some recordings, hardly ever in most of them
     contains: tuple[str, ...] = ()  # ids of simpler laws that this one can become
     shape: tuple[str, ...] = ()  # at their defaults until the effect is chosen
-    part_of: tuple[str, ...] = ()  # bases that have it already
     scatter: bool = False  # a scale, by which specimens of one material differ
     unmoved: bool = False  # whether it is visible before the strain moves
     needs_temperature: bool = False
@@ -270,6 +278,7 @@ class Effect(ABC):
     on_return: bool = False  # whether only returning strain can show it
     on_reloading: bool = False  # whether viscosity looks alike until the second loading
     spoken: str = ""  # its name in "NAME was left out"; empty: the id in words
+    family: str = ""  # what it has in common with laws that may take its place
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of a lookalike -> the test that separates them
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here

@@ -15,7 +15,9 @@ from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, Chunk, Effect, InputError, Parameter
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
-from softnn.models.units import BASES, Units
+from softnn.models import bases
+from softnn.models.base import Base
+from softnn.models.bases import number
 from softnn.recording import Recording
 from softnn.simulate import Term, simulate
 from softnn.state import FEATURES, features
@@ -26,7 +28,6 @@ if TYPE_CHECKING:
 VERSION = 1
 KIND, NETWORK = "softnn-model", "softnn-network"
 HISTORIES = ("fresh", "continued")
-LARGEST = 1e30  # larger numbers in a file are junk
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,12 @@ class Correction:
         inputs, target = self.network.inputs, self.network.target
         known = self.network.predict(np.clip(x, inputs.low, inputs.high))
         return np.clip(known, target.low, target.high)
+
+    def with_stress(self, one: float) -> Correction:
+        """Return the correction in MPa, if a stress of `one` MPa counted as 1."""
+        target = self.network.target
+        wider = replace(target, low=one * target.low, high=one * target.high)
+        return Correction(self.features, replace(self.network, target=wider))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; `from_dict` takes it back."""
@@ -76,7 +83,7 @@ class Stored:
     `simulation` is the stored model that this model corrects, or None.
     """
 
-    units: Units
+    units: Base
     stiffness: Array
     pieces: tuple[Piece, ...]
     own: tuple[dict[str, dict[str, float]], ...]
@@ -94,7 +101,7 @@ class Stored:
         return f"<Model of {self.axes.stress.name}: {base}; {told}>"
 
     def _repr_html_(self) -> str:
-        return glance.model_html(self, max(self.units.knots, key=abs))
+        return glance.model_html(self, max(self.units.reach, key=abs))
 
     def simulate(
         self, recording: Recording, simulated_MPa: Array | None = None
@@ -207,9 +214,7 @@ def to_dict(
         "version": VERSION,
         "history": history,
         "base": {
-            "name": guess.units.name,
-            "knots": [float(k) for k in guess.units.knots],
-            "relaxation_times_s": [float(t) for t in guess.units.relaxation_times],
+            **guess.units.to_dict(),
             "stiffness_MPa": [float(k) for k in guess.stiffness],
             "corrects_simulated_MPa": needs_simulated,
         },
@@ -245,13 +250,6 @@ def _no_number(text: str) -> float:
     raise ValueError(f"{text} is no number")
 
 
-def _number(value: Any) -> float:
-    x = float(value)
-    if not abs(x) < LARGEST:
-        raise InputError(f"{x} is out of range; numbers are finite, below {LARGEST}")
-    return x
-
-
 def from_dict(data: Any, path: Path | None = None) -> Stored | StoredNetwork:
     """Return the model that a file holds. Raises `InputError`, which names the file."""
     try:
@@ -274,14 +272,8 @@ def _stored(data: Any) -> Stored:
             f"version is {data.get('version')!r}; this softnn reads {VERSION}"
         )
     base = data["base"]
-    units = Units(
-        str(base["name"]),
-        tuple(_number(k) for k in base["knots"]),
-        tuple(_number(t) for t in base["relaxation_times_s"]),
-    )
-    if units.name not in BASES:
-        raise InputError(f"no base {units.name!r}; allowed: {', '.join(BASES)}")
-    stiffness = np.array([_number(k) for k in base["stiffness_MPa"]])
+    units = bases.from_dict(base)
+    stiffness = np.array([number(k) for k in base["stiffness_MPa"]])
     if stiffness.shape != (units.columns,) or not (stiffness >= 0).all():
         raise InputError(
             f"stiffness_MPa must hold {units.columns} numbers of 0 or more"

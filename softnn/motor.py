@@ -127,7 +127,7 @@ class Law:
         self.stiffness = self.stiffness[self.stiffness != 0]
         self._slopes = model.stiffness[: units.segments].tolist()
         # A single spring is a line through the origin, wherever its ends are.
-        knots = np.array(units.knots[:-1] if units.segments > 1 else (0.0,))
+        knots = units.corners[:-1] if units.segments > 1 else np.zeros(1)
         self._knots = knots.tolist()
         self._at = (units.springs(knots) @ model.stiffness[: units.segments]).tolist()
         self._rows: list[tuple[float, float]] = []

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from softnn.contracts import Array, Chunk, Effect, InputError, Signal
-from softnn.models.units import Units
+from softnn.models.base import Base
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def run_on(chunks: Sequence[Chunk], continued: bool) -> list[Chunk]:
 
 
 def simulate(
-    units: Units,
+    units: Base,
     stiffness: ArrayLike,
     terms: Sequence[Term],
     chunks: Sequence[Chunk],
@@ -128,6 +128,7 @@ def simulate(
 ) -> list[Array]:
     """Return the stress [MPa] (n,) of each chunk. stiffness [MPa]: springs first.
 
+    >>> from softnn.models.units import Units
     >>> one = Units("hooke", (0.0, 1.0))
     >>> pull = Chunk(np.array([0.0, 1.0]), np.array([0.0, 0.2]))
     >>> simulate(one, [3.0], [], [pull])[0].round(3).tolist()

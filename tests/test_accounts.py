@@ -53,7 +53,7 @@ def told(law):
     return Data(("a", "b"), chunks, noisy)
 
 
-ASKED = [law for law in EFFECTS if "wiechert" not in law.part_of]
+ASKED = [law for law in EFFECTS if law.id not in SPRING.has]
 
 
 @pytest.mark.parametrize("law", ASKED, ids=[e.id for e in ASKED])
@@ -61,7 +61,7 @@ def test_a_planted_effect_is_the_first_candidate_on_its_own_telltale(law):
     if "recover" in law.exempt:
         pytest.skip(law.exempt["recover"])
     base = baseline(told(law), "wiechert")
-    pool = candidates(base.engine, base.name, False)
+    pool = candidates(base.engine, base.has)
     assert law.id in {e.id for e in pool}
     found = expand(base.engine, base.fit, pool, len(pool))
     assert found, "the base takes it up"
@@ -121,7 +121,7 @@ MISTAKEN = Term(effect("gain_error"), {"error": np.array([0, 0.05, 0, -0.04, 0])
 
 def test_scales_that_agree_but_for_some_are_mistakes_in_these():
     base = baseline(made([MISTAKEN]), "pl-wiechert")
-    weigher, pool = Weigher(base.engine, base.fit), candidates(base.engine, "", False)
+    weigher, pool = Weigher(base.engine, base.fit), candidates(base.engine, frozenset())
     apart = apart_from(base)
     asked = [Account(apart, weigher.weigh(apart, whole=False))]
     (found,) = _as_mistakes(weigher, asked, pool)
@@ -177,7 +177,7 @@ def test_mistakes_are_asked_of_all_that_are_near_the_best():
         evidence = weigher.weigh(found, whole=False)
         numbers = 0.5 * evidence.numbers * np.log(len(found.residual))
         asked.append(Account(found, replace(evidence, alone=numbers - behind)))
-    found = _as_mistakes(weigher, asked, candidates(base.engine, "", False))
+    found = _as_mistakes(weigher, asked, candidates(base.engine, frozenset()))
     assert {a.effects for a in found} == {
         frozenset({"gain_error", "cyclic_softening"}),
         frozenset({"gain_error", "slack"}),

@@ -230,7 +230,7 @@ def test_what_shows_on_the_way_back_is_not_asked_for_before(levels, shown, split
     names = tuple("ab"[: len(chunks)])
     strains = tuple(c.strain for c in chunks)
     engine = Engine(Data(names, tuple(chunks), strains, continued=split))
-    asked = {e.id for e in candidates(engine, "pl-wiechert", False)}
+    asked = {e.id for e in candidates(engine, Units("pl-wiechert", (0.0, 1.0)).has)}
     back = {"mullins_softening", "permanent_set", "cyclic_softening"}
     back |= {"friction_hysteresis"}
     assert (back <= asked) if shown else not (back & asked)

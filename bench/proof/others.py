@@ -10,7 +10,7 @@ from bench.proof.page import Page, Result
 from bench.recordings import history
 from bench.recordings.reporting import FAULT_HEADS, fault_rows
 from bench.reporting import share
-from softnn.models.units import BASES
+from softnn.models.bases import BASES
 from softnn.study.common import made_with, markdown, percent
 
 BASE = "pl-wiechert"  # of the real recordings that are shown

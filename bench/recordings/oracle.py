@@ -209,14 +209,15 @@ def errors(
     Columns are sums of squares of error and of stress. All of softnn's judging by
     prediction that this study needs is in here.
     """
-    prediction.weigh_alike(engine)
+    engine = prediction.alike(engine)
     found = fit(engine, guess)
     judge = prediction.Judge(engine, found.guess)
     many = len(judge.folds.every) >= FEWEST and len(engine.chunks) > 1
     if those or not many:
         cut = stretches(engine, those or range(len(engine.chunks)), since)
         every = tuple(prediction.Fold("stretch", rows, ()) for rows in cut)
-        squares = np.array([np.sum(engine.target[rows] ** 2) for rows in cut])
+        whole = engine.share * engine.target**2
+        squares = np.array([np.sum(whole[rows]) for rows in cut])
         judge.folds = prediction.Folds(every, np.maximum(squares, 1e-300))
     told = judge.judged(found, refit=True)
     return np.column_stack([told.errors, told.folds.squares])
@@ -256,8 +257,7 @@ def scales(engine: Engine, guess: Guess, odd: int) -> Gain:
 
     In logarithms; the scatter is that of a new sibling about their mean.
     """
-    prediction.weigh_alike(engine)
-    found = fit(engine, guess).guess
+    found = fit(prediction.alike(engine), guess).guess
     piece = next(p for p in found.pieces if p.nuisance)
     log = np.log1p(np.asarray(piece.values[piece.effect.amplitude], float))
     rest = np.delete(log, odd)

@@ -58,13 +58,14 @@ def misses_of(
         good = np.isfinite(measured)
         if only is not None:
             good &= only[r]
-        y = measured[good]
+        y, share = measured[good], data.weights[r][good]
         cuts = np.linspace(0, len(y), BLOCKS + 1).astype(int)[:-1]
         for name, made in stress.items():
             s = made[r][good]
-            factor = float(s @ y) / max(float(s @ s), 1e-300) if scale else 1.0
-            out[name].append(_sums((y - factor * s) ** 2, cuts))
-        out["squares"].append(_sums(y**2, cuts))
+            best = float(share * s @ y) / max(float(share * s @ s), 1e-300)
+            factor = best if scale else 1.0
+            out[name].append(_sums(share * (y - factor * s) ** 2, cuts))
+        out["squares"].append(_sums(share * y**2, cuts))
     return {name: np.array(rows) for name, rows in out.items()}
 
 

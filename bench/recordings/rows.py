@@ -15,7 +15,7 @@ from bench.recordings.groups import Group
 from bench.recordings.sets import Material
 from bench.scoring import Rate
 from softnn.json_file import plain
-from softnn.mismatch.posterior import NAMED, SURE
+from softnn.mismatch.compare import NAMED, SURE
 from softnn.study.common import percent, provenance_of
 
 MAIN = "pl-wiechert"  # the base that bars and faults are about

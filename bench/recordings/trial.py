@@ -29,7 +29,7 @@ from softnn.contracts import InputError
 from softnn.database import Store
 from softnn.mismatch.case import to_data
 from softnn.mismatch.diagnosis import Diagnosis, diagnose
-from softnn.models.units import BASES
+from softnn.models.bases import BASES
 from softnn.readers.tidy import data_folder
 from softnn.recording import data_hash
 from softnn.study.common import (

@@ -12,9 +12,10 @@ from bench.recordings.groups import Group, Split, alike, amplitude, distinct, ra
 from bench.recordings.predict import misses_of, usable
 from softnn.contracts import Array, Chunk
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
+from softnn.mismatch import prediction
 from softnn.mismatch.base import SEARCH, nuisance, units_for
 from softnn.mismatch.case import to_data
-from softnn.models.units import Units
+from softnn.models.base import Base
 
 MOST_FOLDS = 4
 STRETCHES = 4  # of a single recording, left out one at a time
@@ -76,12 +77,10 @@ def specimen_scales(data: Data, groups: Sequence[tuple[int, ...]]) -> list[float
 
 
 def least_squares(
-    data: Data, units: Units, pieces: Sequence[Piece] = (), iterations: int = 12
+    data: Data, units: Base, pieces: Sequence[Piece] = (), iterations: int = 12
 ) -> Fit:
-    """Springs, branches and pieces by least squares in stress, all samples alike."""
-    engine = Engine(data)
-    sigma = SIGMA * engine.level
-    engine.set_noise([np.full(len(s), sigma) for s in data.stress_MPa], None)
+    """Springs, branches and pieces by least squares, weighed as an error is."""
+    engine = prediction.alike(Engine(data), SIGMA)
     guess = Guess(units, np.zeros(units.columns), tuple(pieces))
     return fit(engine, guess, iterations=iterations)
 

@@ -37,6 +37,7 @@ class CyclicSoftening(Effect):
     off = {"loss": 0.0}
     amplitude = "loss"
     shape: tuple[str, ...] = ("closed", "power")
+    family = "softening"
     where = "from cycle to cycle at the same amplitude"
     twins = {
         "mullins_softening": "many cycles at one amplitude",

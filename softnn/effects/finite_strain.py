@@ -42,6 +42,7 @@ class FiniteStrain(Effect):
     amplitude = "amount"
     shape: tuple[str, ...] = ("section",)
     spoken = "finite-strain viscoelasticity"
+    family = "viscosity that depends on strain or rate"
     where = "in the viscous part, at large strain"
     twins = {
         "strain_dependent_relaxation": "cycles to larger strain",

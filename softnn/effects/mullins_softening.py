@@ -55,6 +55,7 @@ class MullinsSoftening(Effect):
     off = {"depth": 0.0}
     amplitude = "depth"
     shape: tuple[str, ...] = ("sharpness", "viscous_share", "power")
+    family = "softening"
     where = "on reloading and unloading below the largest strain so far"
     twins = {
         "permanent_set": "reloading to near zero strain, where a set stays",

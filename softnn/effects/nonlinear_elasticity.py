@@ -34,7 +34,6 @@ class NonlinearElasticity(Effect):
         Parameter("foot_width", "-", 1e-3, 3.0, 0.1, "log", "c, as strain", -1),
     )
     off = {"stiffening_MPa": 0.0, "foot_MPa": 0.0}
-    part_of = ("pl-sls", "pl-wiechert")
     amplitude = "stiffening_MPa"
     shape: tuple[str, ...] = ("foot_MPa", "foot_width")
     where = "on every loading, at the same strain"

@@ -39,6 +39,7 @@ class NonlinearViscosity(Effect):
     off = {"stiffness_MPa": 0.0}
     amplitude = "stiffness_MPa"
     contains: tuple[str, ...] = ("relaxation_branch",)
+    family = "viscosity that depends on strain or rate"
     where = "in loops and holds, growing slowly with rate"
     twins = {
         "friction_hysteresis": "the same cycle at rates two decades apart",

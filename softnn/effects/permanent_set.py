@@ -69,6 +69,7 @@ class PermanentSet(Effect):
         "viscous_share",
         "first",
     )
+    family = "a shift of strain"
     where = "on unloading and reloading, near zero stress"
     twins = {
         "slack": "cycles to growing strain: a set grows with them, slack does not",

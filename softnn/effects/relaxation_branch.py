@@ -28,7 +28,6 @@ class RelaxationBranch(Effect):
         Parameter("relaxation_time_s", "s", 1e-4, 1e7, 3.0, "log", "tau"),
     )
     off = {"stiffness_MPa": 0.0}
-    part_of = ("wiechert", "pl-wiechert")
     amplitude = "stiffness_MPa"
     spoken = "a relaxation branch"
     where = "in holds and after every change of rate"

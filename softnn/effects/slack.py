@@ -61,6 +61,7 @@ class Slack(Effect):
     per_recording = ("gap",)
     carries_over = True  # strips are mounted alike
     shape: tuple[str, ...] = ("toe",)
+    family = "a shift of strain"
     where = "at small strain, before the specimen is taut"
     twins = {
         "zero_offset": "a hold at zero strain before loading",

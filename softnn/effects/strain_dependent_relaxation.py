@@ -48,6 +48,7 @@ class StrainDependentRelaxation(Effect):
     amplitude = "growth"
     shape: tuple[str, ...] = ("curvature",)
     spoken = "strain-dependent relaxation"
+    family = "viscosity that depends on strain or rate"
     where = "in relaxation, by different shares at different strains"
     twins = {
         "finite_strain": "cycles to larger strain",

@@ -65,9 +65,9 @@ def card(model: Stored | StoredNetwork) -> Card:
             "--model pl-wiechert"
         )
     units = model.units
-    for value in (*model.stiffness, *units.knots, *units.relaxation_times):
+    knots = units.corners
+    for value in (*model.stiffness, *knots, *units.relaxation_times):
         literal(value)  # raises on NaN and infinity
-    knots = np.array(units.knots)
     steps = [np.linspace(a, b, POINTS, endpoint=False) for a, b in pairwise(knots)]
     strain = np.unique(np.concatenate([*steps, knots[-1:], [0.0]]))
     strain = strain[strain > -0.95]  # no length is left at -1

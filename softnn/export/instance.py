@@ -42,12 +42,10 @@ def _corrected(
     model: Stored, name: str, prefix: str, options: Options, number: int
 ) -> Instance:
     out = Instance(prefix)
-    for value in (*model.stiffness, *model.units.knots, *model.units.relaxation_times):
-        literal(value)  # raises on NaN and infinity
     if model.learned is not None:
         _unless_left_out("learned", options, out)
     members: list[str] = []
-    low, high = model.units.knots[0], model.units.knots[-1]
+    low, high = model.units.reach
     slack = SLACK * (high - low)
     places: dict[str, Any] = {
         "p": prefix,
@@ -57,18 +55,20 @@ def _corrected(
         "lowest": low - slack,
         "highest": high + slack,
     }
-    out.functions.append(_springs(model, prefix))
-    used = np.flatnonzero(model.stiffness[model.units.segments :])
+    base, segments = blocks("base.c"), model.units.segments
+    family, filled = model.units.in_c(model.stiffness)
+    family += " " if family else ""
+    out.functions.append(fill(base[f"{family}springs"], filled | {"p": prefix}))
+    used = np.flatnonzero(model.stiffness[segments:])
     if len(used):
-        times = np.array(model.units.relaxation_times)[used]
-        filled = {
+        filled |= {
             "p": prefix,
             "n": len(used),
-            "times": times,
-            "stiffness": model.stiffness[model.units.segments :][used],
+            "times": np.array(model.units.relaxation_times)[used],
+            "stiffness": model.stiffness[segments:][used],
         }
-        out.types.append(fill(blocks("base.c")["branches_type"], filled))
-        out.functions.append(fill(blocks("base.c")["branches"], filled))
+        out.types.append(fill(base[f"{family}branches_type"], filled))
+        out.functions.append(fill(base[f"{family}branches"], filled))
         members.append(f"{prefix}_branches_t fitted;")
         places["branches"] = f"{prefix}_branches(&s->fitted, lapse, b)"
     steps, own = _effects(model, options, out, places["branches"] != "0.0")
@@ -125,25 +125,6 @@ def _unless_left_out(what: str, options: Options, out: Instance) -> None:
             "exports the rest"
         )
     out.notes.append(f"Left out: {what}.")
-
-
-def _springs(model: Stored, prefix: str) -> str:
-    knots = np.array(model.units.knots)
-    slopes = model.stiffness[: model.units.segments]
-    if model.units.segments == 1:  # a line through the origin, wherever its ends are
-        knots = np.zeros(2)
-    at = model.units.springs(knots) @ slopes
-    return fill(
-        blocks("base.c")["springs"],
-        {
-            "p": prefix,
-            "n": len(slopes),
-            "last": len(slopes) - 1,
-            "knots": knots[:-1],
-            "at": at[:-1],
-            "slopes": slopes,
-        },
-    )
 
 
 def _effects(

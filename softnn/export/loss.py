@@ -137,7 +137,7 @@ def _softened(made: Card, strain: Array, r: float, m: float, beta: float) -> Arr
 def programme(model: Stored) -> list[Chunk]:
     """Two cycles at up to three rates, and a hold, in the model's own range."""
     units = model.units
-    high = max(units.knots[-1], units.knots[0], key=abs)
+    high = max(units.reach[1], units.reach[0], key=abs)
     used = np.flatnonzero(model.stiffness[units.segments :])
     times = np.array(units.relaxation_times)[used]
     low, long = (times.min(), times.max()) if len(times) else (SECONDS, SECONDS)

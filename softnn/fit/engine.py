@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 from softnn.bounded import innovations, whitened
 from softnn.contracts import Array, Chunk, Effect, Signal, increments
 from softnn.fit.point import Data, Guess, Piece, Slot, apart
-from softnn.models.units import Units
+from softnn.models.base import Base
 from softnn.simulate import Memory, Term, measured, reach, run_on, to_model
 
 KEPT = 6  # most cached entries of strains that reached the model
@@ -54,13 +56,14 @@ class Engine:
         sigma_MPa: Sequence[Array] | None = None,
         memory: Sequence[Memory_s] | None = None,
         remainder: Sequence[Array] | None = None,
+        fine: Engine | None = None,
     ) -> None:
         """Take the data and the noise of each recording (`softnn.noise`).
 
         `sigma_MPa` is the standard deviation (n,) of each recording, 1 by default;
         `memory` its first-order parts. `remainder` (n,) of each recording is added to
         the equilibrium stress: the difference between a fixed simulation and the model
-        that stands in for it.
+        that stands in for it. `fine` has the same recordings with more samples.
         """
         self.data = data
         self.chunks = run_on(data.chunks, data.continued)
@@ -75,11 +78,32 @@ class Engine:
         self._rows = np.flatnonzero(self.valid)
         self.target = self.measured[self.valid]
         self.level = float(np.abs(self.target).max(initial=0.0)) + 1e-30
-        self.fine: Engine | None = None  # the same recordings with all their samples
+        self._fine = fine
         self._cache: dict[Any, Any] = {}
         self._inputs: dict[Any, list[Input]] = {}
         self.noises = 0  # number of noises set so far, which identifies the present one
         self.set_noise(sigma_MPa, memory)
+
+    @property
+    def fine(self) -> Engine:
+        """The same recordings with more samples; this engine if there are none."""
+        return self._fine or self
+
+    @cached_property
+    def share(self) -> Array:
+        """Weight (valid,) of each sample in an error: `Data.weights`."""
+        return np.concatenate(self.data.weights)[self.valid]
+
+    def under(
+        self, sigma_MPa: Sequence[Array] | None, memory: Sequence[Memory_s] | None
+    ) -> Engine:
+        """Return an engine of the same recordings that weighs by another noise.
+
+        It shares the simulations that this one has kept.
+        """
+        other = copy(self)
+        other.set_noise(sigma_MPa, memory)
+        return other
 
     def set_noise(
         self,
@@ -131,7 +155,7 @@ class Engine:
         )
         return out if x.ndim == 2 else out[:, 0]
 
-    def columns(self, units: Units, r: int, chunk: Chunk, state: Any) -> Any:
+    def columns(self, units: Base, r: int, chunk: Chunk, state: Any) -> Any:
         """Spring columns, branch columns and the state at the end of recording r.
 
         Columns are stresses per unit stiffness, (n, segments) and (n, branches). They
@@ -151,11 +175,17 @@ class Engine:
         branch, inner = units.followed(decays, chunk, inner)
         out = (units.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner))
         if plain:
-            self._cache[key] = out
+            self._keep(key, out)
         return out
 
+    def _keep(self, key: Any, value: Any) -> None:
+        """Cache a value; bases with parameters of their own would fill it for ever."""
+        if len(self._cache) > 400:
+            self._cache.clear()
+        self._cache[key] = value
+
     def decays(
-        self, units: Units, r: int, time_s: Array, last: float | None = None
+        self, units: Base, r: int, time_s: Array, last: float | None = None
     ) -> tuple[Array, Array]:
         """Return decay and gain of the branches in recording r, each (n, branches).
 
@@ -164,13 +194,11 @@ class Engine:
         """
         key = (units.relaxation_times, r)
         if key not in self._cache:
-            if len(self._cache) > 400:
-                self._cache.clear()
-            self._cache[key] = units.decays(time_s, last)
+            self._keep(key, units.decays(time_s, last))
         found: tuple[Array, Array] = self._cache[key]
         return found
 
-    def inputs(self, units: Units, terms: Sequence[Term], every: Any) -> list[Input]:
+    def inputs(self, units: Base, terms: Sequence[Term], every: Any) -> list[Input]:
         """Signal that reaches the model in each recording, and its unit columns.
 
         `every` (terms, recordings) holds the values of the terms. The last few results
@@ -359,7 +387,7 @@ class Engine:
         return self._seen(change)
 
     def _borne(
-        self, units: Units, r: int, signal: Signal, stiffness: Array, carried: Carried
+        self, units: Base, r: int, signal: Signal, stiffness: Array, carried: Carried
     ) -> tuple[Array, Carried]:
         """Stress (n, sets) of the branches, and the state of their strains."""
         parts = signal.branch_parts or ((np.ones(1), signal.branch_strain),)
@@ -374,7 +402,7 @@ class Engine:
 
     def _part(
         self,
-        units: Units,
+        units: Base,
         r: int,
         signal: Signal,
         strain: Array,
@@ -394,8 +422,7 @@ class Engine:
         out = np.empty(strain.shape)
         states = []
         used = np.flatnonzero(stiffness)  # decays take most of the time
-        stiffness, times = stiffness[used], np.array(units.relaxation_times)[used]
-        units = replace(units, relaxation_times=tuple(times.tolist()))
+        stiffness, units = stiffness[used], units.only(used)
         for j in range(sets):
             one = slice(j, j + 1)
             own = None if state is None else (state[0][one], state[1][one])

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.contracts import Array, Chunk, Effect, Scales
-from softnn.models.units import Units
+from softnn.metrics import weights
+from softnn.models.base import Base
 from softnn.simulate import Term
 
 ONE_SIDED = 0.1  # share of the largest strain; less on the other side does not count
@@ -34,6 +35,17 @@ class Data:
     def starts(self) -> Array:
         """Index of the first sample of each recording, and the end of the last one."""
         return np.concatenate([[0], np.cumsum([len(s) for s in self.stress_MPa])])
+
+    @cached_property
+    def weights(self) -> tuple[Array, ...]:
+        """Weight of each sample in an error (n,), by recording: `metrics.weights`.
+
+        All recordings weigh alike, however many samples they have.
+        """
+        mean = self.starts[-1] / len(self.chunks)
+        return tuple(
+            mean / len(c.time_s) * weights(c.time_s, c.strain) for c in self.chunks
+        )
 
     def scales(self) -> Scales:
         """Typical sizes, from which searches start; quantiles limit spikes.
@@ -83,12 +95,27 @@ class Guess:
     Springs come first among the stiffnesses, then branches, in the order of `units`.
     """
 
-    units: Units
+    units: Base
     stiffness: Array
     pieces: tuple[Piece, ...] = ()
 
     def terms(self) -> list[Term]:
         return [p.term() for p in self.pieces]
+
+
+def with_stress(guess: Guess, one: float) -> Guess:
+    """Return the guess in MPa, if a stress of `one` MPa counted as 1 in the fit."""
+
+    def value(piece: Piece, name: str, found: Any) -> Any:
+        law = piece.effect
+        power = next(p.per_stress for p in law.parameters if p.name == name)
+        return found * one**-power if power else found
+
+    pieces = (
+        replace(p, values={k: value(p, k, v) for k, v in p.values.items()})
+        for p in guess.pieces
+    )
+    return Guess(guess.units, one * guess.stiffness, tuple(pieces))
 
 
 @dataclass(frozen=True)
@@ -120,13 +147,13 @@ class Slot:
 def slots(guess: Guess) -> list[Slot]:
     """List the free parameters of a guess, without the stiffnesses.
 
-    They are the relaxation time of an SLS, then the free parameters of each effect, one
-    for each group of recordings where the parameter is per recording.
+    They are those of the base (`Base.nonlinear`), then the free parameters of each
+    effect, one for each group of recordings where the parameter is per recording.
     """
-    out = []
-    for j, time in enumerate(guess.units.relaxation_times):
-        if guess.units.name.endswith("sls"):
-            out.append(Slot(-1, str(j), None, True, time / 1e4, time * 1e4, time))
+    out = [
+        Slot(-1, p.name, None, p.scale == "log", p.low, p.high, abs(p.default) or 1.0)
+        for p in guess.units.nonlinear
+    ]
     for i, piece in enumerate(guess.pieces):
         for p in piece.effect.parameters:
             if p.name not in piece.free:
@@ -145,7 +172,7 @@ def slots(guess: Guess) -> list[Slot]:
 def get(guess: Guess, slot: Slot) -> float:
     """Return the value of a slot in a guess, in the unit of its parameter."""
     if slot.piece < 0:
-        return guess.units.relaxation_times[int(slot.name)]
+        return next(p.default for p in guess.units.nonlinear if p.name == slot.name)
     value = guess.pieces[slot.piece].values[slot.name]
     return float(value if slot.recordings is None else value[slot.recordings[0]])
 
@@ -156,21 +183,18 @@ def put(guess: Guess, where: Sequence[Slot], values: Sequence[float]) -> Guess:
     Values are in the units of the parameters; ranges are not checked.
     """
     pieces = [dict(p.values) for p in guess.pieces]
-    times = list(guess.units.relaxation_times)
+    base = dict[str, float]()
     for slot, value in zip(where, values, strict=True):
         if slot.piece < 0:
-            times[int(slot.name)] = value
+            base[slot.name] = value
         elif slot.recordings is None:
             pieces[slot.piece][slot.name] = value
         else:
             array = np.array(pieces[slot.piece][slot.name], float)
             array[list(slot.recordings)] = value
             pieces[slot.piece][slot.name] = array
-    units = guess.units
-    if tuple(times) != units.relaxation_times:
-        units = replace(units, relaxation_times=tuple(times))
     return Guess(
-        units,
+        guess.units.having(base) if base else guess.units,
         guess.stiffness,
         tuple(replace(p, values=v) for p, v in zip(guess.pieces, pieces, strict=True)),
     )

@@ -15,7 +15,7 @@ import numpy as np
 from softnn import progress
 from softnn.contracts import Array, Effect
 from softnn.fit import Engine, Fit, Guess, Piece, fit
-from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
+from softnn.mismatch.base import CLASS, Baseline, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import (
     FIRST,
     FORMS,
@@ -26,7 +26,7 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.evidence import CLASS, SCATTER, Evidence, Weigher, mistaken
+from softnn.mismatch.evidence import SCATTER, Evidence, Weigher, mistaken
 from softnn.mismatch.specimens import shared
 from softnn.noise import Noise
 
@@ -42,7 +42,6 @@ FEWEST = 3  # recordings needed before scales of specimens can be estimated
 # Discrepancy gain in nats a sample: up to the first a candidate reaches the noise;
 # beyond the second no further search would reach it.
 LEAVES, EVIDENT = 0.03, 0.1
-FAR_OFF = 10.0  # times `EVIDENT`, allowed for the best candidate of two effects
 REFITTED = 4  # iterations of a refit after a change of the noise alone
 
 
@@ -118,7 +117,7 @@ def search(
     effects leaves a discrepancy of more than `evident` nats a sample.
     """
     engine = base.engine
-    pool = candidates(engine, base.name, base.fixed, unknown)
+    pool = candidates(engine, base.has, unknown)
     progress.part("one effect", 2)
     base.fit, first = _first(base, pool)
     weigher = Weigher(engine, base.fit)
@@ -135,10 +134,8 @@ def search(
         for account in best[:count]:
             found += _weighed(weigher, expand(engine, account.fit, pool, LATER))
             progress.piece()
-        # A third effect may explain much more, so two may leave a large discrepancy.
-        most = evident if size == len(EXPANDED) else FAR_OFF * evident
-        if _discrepancy(weigher, max(found, key=value)) > most:
-            return Search(base, base.noise, found, False)
+    if _discrepancy(weigher, max(found, key=value)) > evident:
+        return Search(base, base.noise, found, False)
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)

@@ -258,6 +258,7 @@ def diagnose(
     history: str | None = None,
     specimen: Mapping[str, str] | None = None,
     seed: int = 0,
+    tolerance: float = 0.02,
     as_is: bool = False,
     progress: Listener | None = None,
     **given: Any,
@@ -269,7 +270,8 @@ def diagnose(
     takes the model that the case names, else the simulation stored with the recordings,
     else pl-wiechert. `history`: "fresh" if each recording begins at rest, "continued"
     if it goes on from the one before; None takes the case's own, else "fresh".
-    `specimen`: maps names of recordings to names of specimens. `as_is`: accept
+    `specimen`: maps names of recordings to names of specimens. `tolerance`: the error
+    of prediction, a fraction, that is good enough. `as_is`: accept
     implausible numbers. `progress`: called with a `softnn.progress.Progress` from time
     to time. `given`: as for `read`, if files are read. Returns a `Diagnosis`. Raises
     `InputError`.
@@ -308,7 +310,10 @@ def diagnose(
             isinstance(model, str) and model.endswith(".json")
         )
         return diagnosis.diagnose(
-            case, load_model(cast(Path, model)) if named else cast(Any, model), seed
+            case,
+            load_model(cast(Path, model)) if named else cast(Any, model),
+            seed,
+            tolerance,
         )
 
 

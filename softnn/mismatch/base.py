@@ -18,13 +18,17 @@ from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.case import Case, mask_failure, mask_gaps, thin, to_data
-from softnn.models.units import Units, build
-from softnn.noise import Noise, estimate
+from softnn.models.base import Base
+from softnn.models.bases import build
+from softnn.noise import Noise, estimate, white
 from softnn.noise.windows import WINDOW
 
+COARSE = 300  # samples of a recording on which sets of effects grow, by prediction
 SEARCH = 1000  # samples of a recording used in the search
 REPORT = 6000  # samples of a recording used for regions, figures and errors
 DEFAULT = STAND_IN = "pl-wiechert"
+CLASS = 0.02  # of the stress: largest error of a machine of class 2, ISO 7500-1
+SHOWN = 1.5  # times the white noise of the samples, which memory may hide in part
 STILL = 1e-9  # of the largest stress; a channel that varies less is not live
 
 
@@ -32,7 +36,8 @@ STILL = 1e-9  # of the largest stress; a channel that varies less is not live
 class Baseline:
     """The best fit of the base, the engine that simulates it, and the noise.
 
-    `said`: whether the recordings have labels of specimens.
+    `engine.fine` has more samples of the same recordings. `said`: whether they have
+    labels of specimens.
     """
 
     engine: Engine
@@ -41,6 +46,18 @@ class Baseline:
     name: str  # the base, or "simulated"
     fixed: bool
     said: bool = False
+    fewer: Engine | None = None
+    notes: tuple[str, ...] = ()  # on the choice of the base, and on its stability
+
+    @property
+    def coarse(self) -> Engine:
+        """An engine with few samples of each recording."""
+        return self.fewer or self.engine
+
+    @property
+    def has(self) -> frozenset[str]:
+        """Ids of effects that the base has; of a stored simulation nobody knows."""
+        return frozenset() if self.fixed else self.fit.guess.units.has
 
 
 def usable(case: Case, samples: int) -> Case:
@@ -50,18 +67,18 @@ def usable(case: Case, samples: int) -> Case:
 
 def start(case: Case, model: str | None = None) -> Baseline:
     """Return the best fit of the base of a case, from which a search starts."""
-    data, fine = to_data(usable(case, SEARCH)), to_data(usable(case, REPORT))
+    data, fine, few = (to_data(usable(case, n)) for n in (SEARCH, REPORT, COARSE))
     if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
     model = model or case.model
     if data.simulated_MPa is not None and model is None:
-        found = given(data, data.simulated_MPa, case.groups(), fine)
+        found = given(data, data.simulated_MPa, case.groups(), fine, few)
     else:
-        found = baseline(data, model or DEFAULT, case.groups(), fine)
+        found = baseline(data, model or DEFAULT, case.groups(), fine, few)
     return replace(found, said=bool(case.specimen) or case.history == "continued")
 
 
-def units_for(name: str, data: Data, segments: int = 16) -> Units:
+def units_for(name: str, data: Data, segments: int = 16) -> Base:
     low = min(float(c.strain.min()) for c in data.chunks)
     high = max(float(c.strain.max()) for c in data.chunks)
     scales = data.scales()
@@ -99,7 +116,7 @@ def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:
     `long` allows noise with a memory of any length. Only a candidate that misses little
     can separate such noise from model error.
     """
-    fine = engine.fine or engine
+    fine = engine.fine
     stress = found.stress if fine is engine else fine.run(found.guess, False)[0]
     data = fine.data
     noise = estimate(
@@ -108,8 +125,29 @@ def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:
         [c.time_s for c in data.chunks],
         long,
     )
+    noise = possible(noise, data.stress_MPa)
     weigh_by(engine, noise)
     return noise
+
+
+def possible(noise: Sequence[Noise], stress_MPa: Sequence[Array]) -> list[Noise]:
+    """Return the noise of each recording, no larger than a machine can have.
+
+    The limit is the error of a machine of class 2, or white noise that differences of
+    neighbouring samples show. What is larger and slow is model error: with few samples
+    a recording the residual of a wrong law looks like slow noise.
+    """
+    every = np.concatenate([s[np.isfinite(s)] for s in stress_MPa])
+    most = CLASS * float(np.ptp(every))
+    out = []
+    for one, s in zip(noise, stress_MPa, strict=True):
+        level = float(np.sqrt(np.nanmean(one.sigma(s) ** 2)))
+        limit = max(most, SHOWN * white(s))
+        by = min(limit / max(level, 1e-300), 1.0)
+        if by < 1:
+            one = replace(one, floor_MPa=one.floor_MPa * by, share=one.share * by)
+        out.append(one)
+    return out
 
 
 def live(residuals: Sequence[Array], level: float) -> list[Array]:
@@ -140,18 +178,21 @@ def baseline(
     name: str,
     groups: Sequence[tuple[int, ...]] = (),
     fine: Data | None = None,
+    few: Data | None = None,
 ) -> Baseline:
     """Return the base `name` refitted to the data; noise from `fine` if it is given."""
-    engine = Engine(data)
-    engine.fine = None if fine is None else Engine(fine)
+    engine = Engine(data, fine=None if fine is None else Engine(fine))
     units = units_for(name, data)
     pieces = nuisance(data, groups)
-    found = fit(engine, Guess(units, np.zeros(units.columns), pieces))
+    starts = (Guess(u, np.zeros(u.columns), pieces) for u in units.starts())
+    found = min((fit(engine, one) for one in starts), key=lambda f: f.chi2)
     noise: list[Noise] = []
     for _ in range(2):
         noise = weigh(engine, found)
         found = fit(engine, found.guess)
-    return Baseline(engine, found, noise, name, False)
+    less = None if few is None else Engine(few)
+    notes = found.guess.units.remarks()
+    return Baseline(engine, found, noise, name, False, fewer=less, notes=notes)
 
 
 def given(
@@ -159,29 +200,38 @@ def given(
     simulated: Sequence[Array],
     groups: Sequence[tuple[int, ...]] = (),
     fine: Data | None = None,
+    few: Data | None = None,
 ) -> Baseline:
     """Return a simulation from elsewhere as the base: unchanged, with a stand-in."""
     # The stand-in sees the simulation without noise, at the samples of the recording.
     copy = replace(data, stress_MPa=tuple(simulated), simulated_MPa=None)
     units = units_for(STAND_IN, data)
     inner = fit(Engine(copy), Guess(units, np.zeros(units.columns)))
-    engine = beyond(data, simulated, inner.guess)
-    if fine is not None and fine.simulated_MPa is not None:
-        engine.fine = beyond(fine, fine.simulated_MPa, inner.guess)
+    more, less = (
+        None if d is None else beyond(d, d.simulated_MPa or (), inner.guess)
+        for d in (fine, few)
+    )
+    engine = beyond(data, simulated, inner.guess, more)
     guess = Guess(units, inner.guess.stiffness, nuisance(data, groups))
     found = fit(engine, guess, fixed_base=True)
     noise: list[Noise] = []
     for _ in range(2):
         noise = weigh(engine, found)
         found = fit(engine, found.guess, fixed_base=True)
-    return Baseline(engine, found, noise, "simulated", True)
+    return Baseline(engine, found, noise, "simulated", True, fewer=less)
 
 
-def beyond(data: Data, simulated: Sequence[Array], stand_in: Guess) -> Engine:
+def beyond(
+    data: Data,
+    simulated: Sequence[Array],
+    stand_in: Guess,
+    fine: Engine | None = None,
+) -> Engine:
     """Return an engine that adds the part of a simulation that its stand-in lacks."""
     # The simulation counts at every sample, also where no stress was measured.
     whole = tuple(np.nan_to_num(s) for s in data.stress_MPa)
     plain = Engine(replace(data, stress_MPa=whole))
     stress, _ = plain.run(replace(stand_in, pieces=()), False)
     by = np.split(stress, data.starts[1:-1])
-    return Engine(data, remainder=[s - m for s, m in zip(simulated, by, strict=True)])
+    rest = [s - m for s, m in zip(simulated, by, strict=True)]
+    return Engine(data, remainder=rest, fine=fine)

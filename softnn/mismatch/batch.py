@@ -20,8 +20,9 @@ import numpy as np
 from softnn.contracts import InputError
 from softnn.database import Lock
 from softnn.mismatch.api import inferred, load_model, to_case
-from softnn.mismatch.case import Case, check_model
-from softnn.models.units import BASES
+from softnn.mismatch.case import Case
+from softnn.mismatch.families import AUTO
+from softnn.models.bases import BASES, check
 from softnn.readers import ReadOptions
 from softnn.readers.lacking import Lacking
 from softnn.workers import workers
@@ -38,6 +39,7 @@ class Job:
     out: Path
     model: str | None = None
     seed: int = 0
+    tolerance: float = 0.02
     resume: bool = False
     options: ReadOptions = field(default_factory=ReadOptions)
     skip: tuple[str, ...] = ()  # patterns of files to ignore
@@ -165,7 +167,8 @@ def _diagnosed(job: Job) -> Outcome:
         told = json.loads((job.out / "diagnosis.json").read_text("utf-8"))
         return Outcome(f"done before: {told['summary']}", told)
     (job.out / FAILED).unlink(missing_ok=True)
-    found = diagnose(case, None if job.model is None else base(job.model), job.seed)
+    model = None if job.model is None else base(job.model)
+    found = diagnose(case, model, job.seed, job.tolerance)
     found.result["provenance"] = {
         "softnn": __version__,
         "seed": job.seed,
@@ -179,11 +182,11 @@ def _diagnosed(job: Job) -> Outcome:
 
 def base(name: str) -> Any:
     """Return the name of a base, or a stored model. Raises `InputError`."""
-    if name in BASES:
+    if name in (*BASES, AUTO):
         return name
     if Path(name).suffix == ".json" or Path(name).exists():
         return load_model(name)
-    check_model(name)
+    check(name)
     return name
 
 
@@ -196,7 +199,7 @@ def _asked(case: Case, job: Job) -> str:
     for values in case.simulated_MPa or ():
         digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
     about = case.model, case.history, sorted(case.specimen.items()), job.model, job.seed
-    digest.update(repr((*about, __version__)).encode())
+    digest.update(repr((*about, job.tolerance, __version__)).encode())
     if job.model is not None and Path(job.model).is_file():
         digest.update(Path(job.model).read_bytes())
     return digest.hexdigest()

@@ -40,9 +40,12 @@ OFF = 3.5  # standard errors; an effect of a recording within them is off
 
 
 def candidates(
-    engine: Engine, base: str, fixed: bool, unknown: frozenset[str] = frozenset()
+    engine: Engine, has: frozenset[str], unknown: frozenset[str] = frozenset()
 ) -> list[Effect]:
-    """Return the effects that these recordings can show; forms in `unknown` are out."""
+    """Return the effects that these recordings can show.
+
+    Effects that the base `has` already (ids) and forms in `unknown` are out.
+    """
     warm = all(c.temperature_C is not None for c in engine.chunks)
     warm = warm and engine.data.scales().temperature_C > WARM
     held = held_only(engine)
@@ -54,7 +57,7 @@ def candidates(
         if (
             (warm or not effect.needs_temperature)
             and not (effect.on_return and held)
-            and (fixed or base not in effect.part_of)
+            and effect.id not in has
         ):
             out.append(effect)
     return out
@@ -154,7 +157,7 @@ def schwarz(found: Fit) -> float:
 
 def shown(engine: Engine, pool: Sequence[Effect]) -> list[Piece]:
     """Return effects that recordings show without a model, in those recordings."""
-    data = (engine.fine or engine).data
+    data = engine.fine.data
     out: list[Piece] = []
     if data.continued:  # a continued recording does not begin at rest
         return out

@@ -17,7 +17,7 @@ from softnn.axes import common
 from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.fit import Data
 from softnn.model_file import HISTORIES
-from softnn.models.units import BASES
+from softnn.models.bases import BASES
 from softnn.readers import ReadOptions
 from softnn.readers.folder import Found, files_of, read_files
 from softnn.readers.tidy import read_folder, read_text
@@ -283,14 +283,6 @@ def check_case(case: Case) -> None:
         raise InputError(
             f"{case.name}: {axis.name} reaches {stress:.4g} {axis.unit} at most; is "
             f"the channel connected, and is it in {axis.unit}?"
-        )
-
-
-def check_model(name: str) -> None:
-    if name not in BASES:
-        raise InputError(
-            f"no model {name!r}{nearest(name, BASES)}; allowed: {', '.join(BASES)}, "
-            "or a model.json"
         )
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from softnn import readers
 from softnn.contracts import InputError, nearest
 from softnn.json_file import plain, write
-from softnn.models.units import BASES
+from softnn.models import hyperelastic, units
 from softnn.readers.arguments import add_options, options_of
 
 if TYPE_CHECKING:
@@ -40,9 +40,12 @@ def add_diagnose(commands: Any) -> None:
     parser.add_argument("--out", metavar="DIR", help="where the reports go")
     parser.add_argument(
         "--model",
-        metavar="|".join(BASES) + "|FILE",
-        help="the base (default: as the case says, else its simulated_MPa, "
-        "else pl-wiechert), or a model.json",
+        metavar="BASE|auto|FILE",
+        help=f"the base (default: as the case says, else its simulated_MPa, else "
+        f"pl-wiechert), or a model.json. Bases: {', '.join(units.BASES)}; the "
+        f"hyperelastic laws {', '.join(hyperelastic.LAWS)}, each alone or with "
+        "-prony. Options of these: yeoh-prony:shear, hyperfoam:nu=0.3. auto: the one "
+        "that predicts recordings left out best",
     )
     parser.add_argument(
         "--template",
@@ -63,6 +66,13 @@ def add_diagnose(commands: Any) -> None:
         help="use the workers of this Dask cluster, which see the same folders",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N")
+    parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=0.02,
+        metavar="FRACTION",
+        help="error of prediction that is good enough, as 0.02 for 2 %% (the default)",
+    )
     parser.add_argument(
         "--resume",
         action="store_true",
@@ -136,6 +146,11 @@ def diagnose(arguments: argparse.Namespace) -> int:
 
     _whole("--jobs", arguments.jobs, 1)
     _whole("--seed", arguments.seed, 0)
+    if not 0 < arguments.tolerance < 1:
+        raise InputError(
+            f"--tolerance is {arguments.tolerance:g}; allowed is a fraction above 0 "
+            "and below 1, as 0.02 for 2 %"
+        )
     if arguments.template:
         return _template(arguments)
     if arguments.out is None:
@@ -146,6 +161,7 @@ def diagnose(arguments: argparse.Namespace) -> int:
         out,
         arguments.model,
         seed=arguments.seed,
+        tolerance=arguments.tolerance,
         resume=arguments.resume,
         options=options_of(arguments),
         skip=tuple(arguments.skip),

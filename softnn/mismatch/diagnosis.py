@@ -13,15 +13,19 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from softnn import glance, progress
-from softnn.axes import Axes, common
+from softnn.axes import SPECIMEN, Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
-from softnn.mismatch import base, untaught, written
-from softnn.mismatch.base import beyond, usable
-from softnn.mismatch.case import Case, check_case, check_model, in_order, to_data
+from softnn.fit.point import with_stress
+from softnn.mismatch import base, families, untaught, written
+from softnn.mismatch.base import Baseline, beyond, usable
+from softnn.mismatch.case import Case, check_case, in_order, to_data
+from softnn.mismatch.decision import TOLERANCE
 from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
 from softnn.model_file import Correction, Stored, from_dict, to_dict
+from softnn.models import hyperelastic
+from softnn.models.bases import check
 from softnn.recording import Recording
 
 if TYPE_CHECKING:
@@ -80,7 +84,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """explained, partly_explained, unexplained, nothing_missing or undetermined."""
+        """One of the verdicts of `softnn.mismatch.decision.TABLE`."""
         return str(self.result["verdict"])
 
     @property
@@ -134,21 +138,28 @@ class Diagnosis:
 
 
 def diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None = None, seed: int = 0
+    case: Case,
+    model: str | Stored | StoredNetwork | None = None,
+    seed: int = 0,
+    tolerance: float = TOLERANCE,
 ) -> Diagnosis:
     """Diagnose a case with the base `model`; return a `Diagnosis`.
 
     None takes the model that the case names, else its `simulated_MPa`, else
-    pl-wiechert. A stored model stays as it is, without a refit. Raises `InputError` for
+    pl-wiechert. A stored model stays as it is, without a refit. `tolerance` is the
+    error of prediction, a fraction, that is good enough. Raises `InputError` for
     recordings that cannot be diagnosed.
     """
     # The matrices are small: with several threads the products take longer.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _diagnose(case, model, seed)
+        return _diagnose(case, model, seed, tolerance)
 
 
 def _diagnose(
-    case: Case, model: str | Stored | StoredNetwork | None, seed: int
+    case: Case,
+    model: str | Stored | StoredNetwork | None,
+    seed: int,
+    tolerance: float,
 ) -> Diagnosis:
     clock = time.perf_counter()
     progress.stage("diagnosing")
@@ -156,11 +167,17 @@ def _diagnose(
     case = in_order(case)
     if seed < 0:
         raise InputError(f"seed is {seed}; allowed is a whole number from 0")
+    if not 0 < tolerance < 1:
+        raise InputError(
+            f"tolerance is {tolerance:g}; allowed is a fraction above 0 and below 1, "
+            "as 0.02 for 2 %"
+        )
     rng = np.random.default_rng(seed)
     model = case.model if model is None else model
     source, never = None, list[untaught.Stretch]()
     if isinstance(model, str):
-        check_model(model)
+        if model != families.AUTO:
+            check(model)
     elif model is not None:
         source = model.source
         case = replace(_simulated_by(case, model), model=None)
@@ -169,7 +186,8 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    told = judge(base.start(counted(case, axes), model))
+    base_ = _start(counted(case, axes), model, axes.component)
+    told = judge(base_, tolerance)
     progress.part("the result", 0)
     learned = None
     if told.verdict == "unexplained":
@@ -185,7 +203,13 @@ def _diagnose(
     names, fixed = shown.data.names, told.base.fixed
 
     def stored(one: Fit, extra: Correction | None = None) -> dict[str, Any]:
-        return to_dict(one.guess, names, case.history, fixed, extra, source, axes)
+        if axes.component:
+            known = one.guess, extra, axes
+        else:
+            own = extra and extra.with_stress(axes.stress.one)
+            known = with_stress(one.guess, axes.stress.one), own, SPECIMEN
+        guess, added, units = known
+        return to_dict(guess, names, case.history, fixed, added, source, units)
 
     def stress(one: Fit) -> list[Array]:
         found = shown.by_recording(shown.run(one.guess, False)[0])
@@ -204,6 +228,18 @@ def _diagnose(
     )
 
 
+def _start(case: Case, model: str | None, component: bool) -> Baseline:
+    """Return the best fit of the base; strains of a component are deflections."""
+    if model == families.AUTO:
+        return families.chosen(case, component)
+    if component and model is not None and model.split(":")[0] in hyperelastic.NAMES:
+        raise InputError(
+            f"model is {model!r}; a hyperelastic law needs strains, and these are "
+            "deflections: give --length and --area, or take --model pl-wiechert"
+        )
+    return base.start(case, model)
+
+
 def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
     """Return the case with the stress of a stored model as its simulation."""
     common({"the model": stored.axes} | {r.name: r.axes for r in case.recordings})
@@ -216,10 +252,16 @@ def _simulated_by(case: Case, stored: Stored | StoredNetwork) -> Case:
 
 
 def _axes(case: Case) -> Axes:
-    """Return the axes of a case; a component gets round numbers of its units as 1."""
+    """Return the axes of a case, with what counts as 1 in fits.
+
+    That is the largest stress of specimens, so no answer depends on the unit of stress;
+    and round numbers of the units of a component.
+    """
     axes = common({r.name: r.axes for r in case.recordings})
     if not axes.component:
-        return axes
+        every = [np.nanmax(np.abs(r.stress_MPa), initial=0.0) for r in case.recordings]
+        largest = float(max(every)) or 1.0
+        return replace(axes, stress=replace(axes.stress, one=largest))
     strain = max(float(np.nanmax(np.abs(r.strain))) for r in case.recordings)
     stress = max(float(np.nanmax(np.abs(r.stress_MPa))) for r in case.recordings)
     return axes.counted(strain, stress)

@@ -25,6 +25,7 @@ from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from softnn.contracts import Array
 from softnn.fit import Engine, Fit, Slot, get, span
+from softnn.mismatch.base import CLASS
 from softnn.mismatch.discrepancy import (
     by_recording,
     fourier,
@@ -48,7 +49,6 @@ FORM_PRIOR = 0.1  # half-normal scale of tau
 SCATTER_PRIOR = 0.025  # of SCATTER: elastomers differ by some per cent
 EXACT = 0.88  # prior probability that laws are exact and complete
 ELSE_PRIOR = 0.0003  # scale of a, if the effects are meant to explain everything
-CLASS = 0.02  # of the stress: largest error of a machine of class 2, ISO 7500-1
 # Products of nearly equal columns are rounding errors: add the least that works.
 ROUNDING, ROUNDED = (1e-10, 1e-9, 1e-8), 1e-12
 MOST = 0.03  # largest share of samples that may be outliers

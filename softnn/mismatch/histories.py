@@ -50,7 +50,7 @@ def beyond(
         return []
     lines = []
     axis = model.axes.strain
-    low, high = (axis.one * model.units.knots[i] for i in (0, -1))
+    low, high = (axis.one * x for x in model.units.reach)
     unit = f" {axis.unit}" if model.axes.component else ""
     slack = SLACK * (high - low)
     far = [
@@ -77,7 +77,7 @@ def check_reach(model: Any, names: Sequence[str], chunks: Sequence[Chunk]) -> No
     """Raise `InputError` if strain is so large that it must be in per cent."""
     if not isinstance(model, Stored) or model.axes.component:
         return
-    reach = max(abs(k) for k in model.units.knots)
+    reach = max(abs(x) for x in model.units.reach)
     for name, chunk in zip(names, chunks, strict=True):
         top = float(np.abs(chunk.strain).max())
         if top > FAR * reach:

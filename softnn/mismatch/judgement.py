@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -15,19 +16,29 @@ from softnn import progress
 from softnn.fit import Engine, Fit, Piece, fit
 from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
-from softnn.mismatch.base import Baseline, scatter, weigh_by
+from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
+from softnn.mismatch.compare import NAMED, SURE
 from softnn.mismatch.decision import (
+    DROWNED,
     FEWEST,
+    TOLERANCE,
     Decision,
+    Need,
     Shows,
     decide,
     decide_by_prediction,
 )
-from softnn.mismatch.mistakes import mistaken, with_mistakes
+from softnn.mismatch.evidence import Weigher
+from softnn.mismatch.floor import floor
+from softnn.mismatch.mistakes import allowed, mistaken, told, with_mistakes, wrong
 from softnn.mismatch.posterior import Posterior, Tried, posterior
 from softnn.mismatch.prediction import Candidate
 from softnn.mismatch.replicates import Replicates, are_specimens
 from softnn.noise import Noise, quantum, white
+
+# Nats a sample that a discrepancy gains beside a sketch. Forged recordings stay below
+# 1.4, nearly all real ones lie beyond 3 (up to 5,000); between them the search decides.
+FAR = 2.0
 
 
 @dataclass(frozen=True)
@@ -80,19 +91,52 @@ class Judgement:
         return account.log_odds - self.candidates[0].log_odds
 
 
-def judge(base: Baseline) -> Judgement:
-    """Search, weigh and decide for the best fit of a base; return the judgement."""
-    found = search(base)
-    if found.reaches_noise:
-        return by_likelihood(found)
-    return by_prediction(base)
+def judge(base: Baseline, tolerance: float = TOLERANCE) -> Judgement:
+    """Search, weigh and decide for the best fit of a base; return the judgement.
+
+    `tolerance` is the error of prediction that the user finds good enough.
+    """
+    progress.part("how far from the noise", 0)
+    first = prediction.sketch(base)
+    if not far_from_noise(base, first):
+        found = search(base)
+        if found.reaches_noise:
+            return by_likelihood(found, tolerance)
+        base = found.base
+    return by_prediction(base, first, tolerance)
+
+
+def far_from_noise(base: Baseline, first: Fit) -> bool:
+    """Return whether no search could explain the recordings down to the noise.
+
+    `first` is a sketch with two effects. What it misses is compared with the noise that
+    differences of neighbouring samples allow: if a smooth function of the state gains
+    more than `FAR` nats a sample beside it, laws are wrong, and no likelihood of theirs
+    says anything. The engine weighs by the noise of the base again afterwards.
+    """
+    engine, fixed = base.engine, base.fixed
+    for _ in range(2):
+        weigh(engine, first)
+        first = fit(engine, first.guess, fixed_base=fixed, iterations=2)
+    evidence = Weigher(engine, first).weigh(first)
+    weigh_by(engine, base.noise)
+    return (evidence.beside - evidence.bare) / len(first.residual) > FAR
 
 
 def _shows(engine: Engine) -> Shows:
-    return Shows(len(engine.target) < FEWEST, locate.only_loading(engine))
+    noise = np.array([white(s) for s in engine.fine.data.stress_MPa])
+    size = [float(np.sqrt(np.nanmean(s**2))) for s in engine.fine.data.stress_MPa]
+    drowned = bool((noise > DROWNED * np.array(size)).all())
+    few = len(engine.target) < FEWEST
+    return Shows(few, locate.only_loading(engine), drowned)
 
 
-def by_likelihood(found: Search) -> Judgement:
+def _need(base: Baseline, found: Fit, tolerance: float) -> Need:
+    specimens = base.said or are_specimens(base.engine)
+    return Need(tolerance, floor(base.engine, found.guess, specimens))
+
+
+def by_likelihood(found: Search, tolerance: float = TOLERANCE) -> Judgement:
     """Judge where some candidate explains the recordings down to the noise."""
     base, engine = found.base, found.base.engine
     progress.part("recordings left out", 0)
@@ -111,8 +155,9 @@ def by_likelihood(found: Search) -> Judgement:
         _shows(engine),
         judged_apart,
         lambda account: account.fit.chi2 / len(engine.target),
+        _need(base, probable.best.fit, tolerance),
     )
-    fine = engine.fine or engine
+    fine = engine.fine
     weigh_by(fine, found.noise)
     before, after = _fits(fine, base, decision)
     return Judgement(
@@ -128,15 +173,20 @@ def by_likelihood(found: Search) -> Judgement:
     )
 
 
-def by_prediction(base: Baseline) -> Judgement:
+def by_prediction(
+    base: Baseline, first: Fit, tolerance: float = TOLERANCE
+) -> Judgement:
     """Judge where no candidate explains the recordings down to the noise.
+
+    `first` is a sketch, beside which replicates are compared.
 
     Without labels, replicates whose stress differs by a factor each are different
     specimens. Faults of single recordings come next: every candidate has the likely
     ones. The comparison of replicates is repeated beside the best candidate.
     """
-    engine = base.engine
-    if not base.said and are_specimens(engine):
+    engine = prediction.alike(base.engine)
+    scaled = not base.said and are_specimens(engine)
+    if scaled:
         base = _each_of_its_own(base)
     own = {f.effect: f for f in zeros.at_rest(engine) + faults.at_limit(engine)}
 
@@ -159,7 +209,7 @@ def by_prediction(base: Baseline) -> Judgement:
         return any(f.likely for f in new)
 
     if Replicates(engine).groups:
-        ask(prediction.sketch(base, pieces()))
+        ask(prediction.sketch(base, pieces()) if scaled or pieces() else first)
     given = pieces()
     found = prediction.search(base, given)
     known = dict(own)
@@ -172,36 +222,36 @@ def by_prediction(base: Baseline) -> Judgement:
         else:
             own = known
     progress.part("the decision", 0)
-    best = prediction.best(found)
     bare = prediction.alone(base, found)
-    probable = prediction.posterior(found, bare)
-    probable = with_mistakes(probable, engine)
-    for fault in own.values():
-        carried = any(fault.piece is piece for piece in given)
-        share = faults.spared if carried else faults.asked
-        probable = share(probable, fault, engine)
-
-    def judged_apart(account: Tried) -> frozenset[str]:
-        return mistaken(account.fit) | faults.named(list(own.values()), account.fit)
-
-    def heldout(account: Tried) -> verify.Heldout:
-        assert isinstance(account, Candidate)
-        return account.heldout
-
+    need = _need(base, prediction.best(found).fit, tolerance)
+    apart = {f.effect: f.chance for f in own.values()}
+    chance = told(found[0].fit)
+    if chance.sum() > 0:
+        apart["gain_error"] = max(float(chance.max()), apart.get("gain_error", 0.0))
+    enough = bare.heldout.nrmse <= need.limit
+    probable, names = prediction.posterior(found, apart, enough)
+    steady = {n for n, p in names.least.items() if p >= NAMED}
+    sure = frozenset(n for n in steady if names.probability[n] >= SURE)
+    best = prediction.best(found, sure)
+    likely = frozenset(n for n, p in apart.items() if p >= NAMED)
+    if "gain_error" in likely - best.given:
+        best = _with_mistake(engine, best)
     decision = decide_by_prediction(
         probable,
         bare,
         replace(best, given=frozenset()),
-        heldout,
+        lambda one: cast(Candidate, one).heldout,
         _shows(engine),
-        judged_apart,
+        need,
+        likely,
+        probable.selected - steady,
+        names.classes,
     )
-    fine = engine.fine or engine
-    noise, left = _noise_left(fine, best.fit)
-    prediction.weigh_alike(fine, max(left / engine.level, 1e-9))
+    noise, left = _noise_left(engine.fine, best.fit)
+    fine = prediction.alike(engine.fine, max(left / engine.level, 1e-9))
     before, after = _fits(fine, base, decision)
     return Judgement(
-        base,
+        replace(base, engine=engine),
         noise,
         [bare, *(replace(c, given=frozenset()) for c in found)],
         probable,
@@ -211,6 +261,18 @@ def by_prediction(base: Baseline) -> Judgement:
         after,
         "prediction",
     )
+
+
+def _with_mistake(engine: Engine, best: Candidate) -> Candidate:
+    """Return the candidate in which the likeliest mis-scaled specimen is a mistake.
+
+    Its scale was free before, so its errors stay.
+    """
+    guess = wrong(best.fit.guess, int(told(best.fit).argmax()))
+    if not allowed(guess):
+        return best
+    fixed = best.fit.fixed_base
+    return replace(best, fit=fit(engine, guess, fixed_base=fixed, iterations=0))
 
 
 def _each_of_its_own(base: Baseline) -> Baseline:
@@ -235,7 +297,8 @@ def _noise_left(fine: Engine, best: Fit) -> tuple[list[Noise], float]:
     No candidate reaches the noise, so the residual cannot show it. Differences between
     neighbouring samples of the stress show it; the RMS of the residual is its limit.
     """
-    left = float(np.sqrt(np.mean((fine.target - fine.run(best.guess, False)[0]) ** 2)))
+    miss = fine.target - fine.run(best.guess, False)[0]
+    left = float(np.sqrt(fine.share @ miss**2 / fine.share.sum()))
     return [
         Noise(min(white(s), left), 0.0, quantum(s)) for s in fine.data.stress_MPa
     ], left

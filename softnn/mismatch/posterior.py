@@ -37,8 +37,8 @@ from the error on recordings left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -47,9 +47,7 @@ import numpy as np
 from softnn.contracts import Array
 from softnn.fit import Fit
 from softnn.mismatch.accounts import Account
-
-NAMED, SURE = 0.5, 0.9  # probabilities to name an effect, and to be certain of it
-LIKELY = 0.1  # of the probability of the best set, from which a set is an alternative
+from softnn.mismatch.compare import LIKELY, NAMED
 
 
 @dataclass(frozen=True)
@@ -182,11 +180,16 @@ def probabilities(table: Array, constants: Constants = CONSTANTS) -> Array:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Probabilities of all hypotheses; the first is that nothing is missing."""
+    """Probabilities of all hypotheses; the first is that nothing is missing.
+
+    `apart` has the probabilities of faults that are judged without any model: a
+    hypothesis may hold them or not.
+    """
 
     hypotheses: tuple[Hypothesis, ...]
     probability: Array
     beside: Array  # probability of an unlisted cause, given the effects of each
+    apart: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def effects(self) -> dict[str, float]:
@@ -195,6 +198,9 @@ class Posterior:
         for one, p in zip(self.hypotheses, self.probability, strict=True):
             for name in one.effects:
                 out[name] = out.get(name, 0.0) + float(p)
+        out = {
+            n: max(p, self.apart.get(n, 0.0)) for n, p in {**self.apart, **out}.items()
+        }
         return dict(sorted(out.items(), key=lambda item: -item[1]))
 
     @property

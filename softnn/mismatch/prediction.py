@@ -12,8 +12,7 @@ scale of a new specimen, which every candidate gets alike.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +25,6 @@ from softnn.fit import Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.base import Baseline
 from softnn.mismatch.candidates import (
     FIRST,
-    FORMS,
     LATER,
     SIZES,
     candidates,
@@ -34,6 +32,8 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
+from softnn.mismatch.compare import FLOOR, Names, shares
+from softnn.mismatch.compare import names as names_of
 from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.verify import Heldout, without_rows
 from softnn.state import BRANCHES, phases
@@ -44,14 +44,12 @@ MOST_FOLDS = (
     6  # folds of single recordings; of more recordings, several are left out at once
 )
 IGNORED = 1e6  # times the usual deviation: hides a sample from the fit
+LEAST = 1e-3  # of the usual weight of a sample, in fits
+SHAPES = 2  # forms kept of a single effect; errors of prediction hardly tell more
 BEAM = (3, 2)  # beam width: candidates of one and of two effects that get one more
 FINALISTS = 5  # candidates of each size that are refitted without each fold
-REFITTED = 6  # iterations of such a refit
-FLOOR = 0.001  # of the stress; smaller errors count as none
-SHARP = 25.0  # log odds for each unit of the logarithm of the error
-PRICE = 2.5  # log odds against each effect: a tenth of the error
+REFITTED = 3  # iterations of such a refit
 ENOUGH = 3  # specimens or recordings to leave out in turn; fewer count less
-OTHER = 1.5  # power of the share of the error left: odds of an unlisted cause
 SAME = 0.01  # of a logarithm; the least gain of a further effect in a correction
 HARM = 0.05  # of a logarithm, by which the base may be better by chance
 SKETCHED = 2  # effects in the first model for a comparison of replicates
@@ -76,15 +74,6 @@ class Folds:
 
     every: tuple[Fold, ...]
     squares: Array
-
-    @property
-    def sharpness(self) -> float:
-        """Log odds for each unit of the logarithm of the error.
-
-        Stretches of one recording, or two recordings, are hardly independent trials.
-        """
-        count = sum(f.by in ("specimen", "recording") for f in self.every)
-        return SHARP * min(max(count, 1) / ENOUGH, 1.0)
 
     @property
     def chance(self) -> float:
@@ -135,8 +124,8 @@ class Candidate:
 
     @property
     def log_odds(self) -> float:
-        """Log odds by the error, nats, but for a constant and the prior."""
-        return -self.folds.sharpness * self.score
+        """How far the error lies below that of the base but for a constant: `score`."""
+        return -self.score
 
     @property
     def heldout(self) -> Heldout:
@@ -163,13 +152,15 @@ def harms(one: Candidate, base: Candidate) -> str | None:
     return None
 
 
-def best(found: Sequence[Candidate]) -> Candidate:
+def best(found: Sequence[Candidate], sure: frozenset[str] = frozenset()) -> Candidate:
     """Return the candidate that predicts best and nowhere worse than the base.
 
     `found[0]` is the base; it is returned if no candidate beats it beyond chance.
+    Candidates with all effects that are `sure` come first.
     """
     base = found[0]
     safe = [c for c in found if harms(c, base) is None]
+    safe = [c for c in safe if sure <= c.effects] or safe
     one = min(safe, key=lambda c: c.score + SAME * len(c.effects))
     return one if base.score - one.score > HARM else base
 
@@ -245,22 +236,20 @@ def specimens_of(guess: Guess, count: int) -> list[tuple[int, ...]]:
 # --- fits that do without it ----------------------------------------------------------
 
 
-def weigh_alike(engine: Engine, level: float = LEVEL) -> None:
-    """Weigh all samples alike: a deviation of `level` of the largest stress."""
-    sigma = level * engine.level
-    engine.set_noise([np.full(len(s), sigma) for s in engine.data.stress_MPa], None)
+def alike(engine: Engine, level: float = LEVEL) -> Engine:
+    """Return the engine with samples weighed as in an error (`metrics.weights`).
+
+    The usual deviation is `level` of the largest stress.
+    """
+    return hiding(engine, np.zeros(len(engine.target), bool), level)
 
 
-@contextmanager
-def without(engine: Engine, rows: NDArray[np.bool]) -> Iterator[None]:
-    """Hide these samples (valid,) from the engine."""
-    sigma = np.full(len(engine.measured), LEVEL * engine.level)
+def hiding(engine: Engine, rows: NDArray[np.bool], level: float = LEVEL) -> Engine:
+    """Return the engine weighed likewise, to which samples (valid,) are hidden."""
+    share = np.concatenate(engine.data.weights)
+    sigma = level * engine.level / np.sqrt(np.maximum(share, LEAST))
     sigma[np.flatnonzero(engine.valid)[rows]] *= IGNORED
-    engine.set_noise(np.split(sigma, engine.data.starts[1:-1].astype(int)), None)
-    try:
-        yield
-    finally:
-        weigh_alike(engine)
+    return engine.under(np.split(sigma, engine.data.starts[1:-1].astype(int)), None)
 
 
 def unmet(guess: Guess, fold: Fold, known: Mapping[str, Piece]) -> Guess:
@@ -307,10 +296,10 @@ def missed(
     total = 0.0
     for r in np.unique(engine.owner[fold.rows]):
         rows = fold.rows & (engine.owner == r)
-        s, y = stress[rows], engine.target[rows]
+        s, y, share = stress[rows], engine.target[rows], engine.share[rows]
         if r in free:
-            s = s * (float(s @ y) / max(float(s @ s), 1e-300))
-        total += float(np.sum((y - s) ** 2))
+            s = s * (float(share * s @ y) / max(float(share * s @ s), 1e-300))
+        total += float(share @ (y - s) ** 2)
     return total
 
 
@@ -343,7 +332,8 @@ def rescaled(engine: Engine, guess: Guess, new: Sequence[tuple[int, ...]]) -> Gu
         for one in new:
             rows = np.isin(engine.owner, one)
             d, miss = slope[rows], (engine.target - stress)[rows]
-            step = float(d @ miss) / max(float(d @ d), 1e-300)
+            d_ = engine.share[rows] * d
+            step = float(d_ @ miss) / max(float(d_ @ d), 1e-300)
             scale[list(one)] *= 1 + np.clip(step, -0.5, 1.0)
     return scaled(scale)
 
@@ -365,7 +355,8 @@ class Judge:
             rows = ~engine.within(sorted(spare))
             every = [replace(f, rows=f.rows & rows) for f in every]
             every = [f for f in every if f.rows.any()]
-        squares = [float(np.sum(engine.target[f.rows] ** 2)) for f in every]
+        whole = engine.share * engine.target**2
+        squares = [float(np.sum(whole[f.rows])) for f in every]
         self.folds = Folds(tuple(every), np.maximum(squares, 1e-300))
 
     def judged(self, found: Fit, refit: bool = False) -> Candidate:
@@ -377,13 +368,12 @@ class Judge:
         for fold in self.folds.every:
             guess = unmet(without_rows(engine, found, fold.rows), fold, known)
             if refit:
-                with without(engine, fold.rows):
-                    again = fit(
-                        engine,
-                        guess,
-                        fixed_base=found.fixed_base,
-                        iterations=REFITTED,
-                    )
+                again = fit(
+                    hiding(engine, fold.rows),
+                    guess,
+                    fixed_base=found.fixed_base,
+                    iterations=REFITTED,
+                )
                 guess = unmet(again.guess, fold, known)
             errors.append(missed(engine, guess, fold, self.specimens))
         seconds = time.perf_counter() - clock
@@ -407,16 +397,15 @@ def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
 
     It is good enough to compare replicates, since laws are wrong alike in all of them.
     """
-    engine = base.engine
-    weigh_alike(engine)
-    found = fit(engine, base.fit.guess, fixed_base=base.fixed)
+    engine, coarse = alike(base.engine), alike(base.coarse)
+    found = fit(coarse, base.fit.guess, fixed_base=base.fixed)
     for piece in given:
-        found = refine(engine, found, piece)
-    pool = candidates(engine, base.name, base.fixed, _own_forms(engine))
+        found = refine(coarse, found, piece)
+    pool = candidates(engine, base.has, _own_forms(base))
     for _ in range(SKETCHED):
-        more = expand(engine, found, pool, LATER)
+        more = expand(coarse, found, pool, LATER)
         found = min([found, *more], key=lambda f: f.chi2)
-    return found
+    return fit(engine, found.guess, fixed_base=base.fixed, iterations=REFITTED)
 
 
 def worth_it(engine: Engine, found: Fit, fault: Piece) -> bool:
@@ -448,33 +437,32 @@ def better(engine: Engine, without: Fit, has: Fit, fault: Piece) -> bool:
 def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
     """Return the sets of effects that predict best, refitted; the base alone first.
 
-    From now on the engine of the base weighs all samples alike, and the base is
-    refitted so. All candidates, the base too, have the faults `given`. Other effects of
-    single recordings take no part, because they predict no other recording. Slack
-    (`carries_over`) does, as all strips are mounted alike.
+    All candidates, the base too, have the faults `given`. Other effects of single
+    recordings take no part, because they predict no other recording. Slack
+    (`carries_over`) does, as all strips are mounted alike. Sets grow on few samples of
+    each recording; the best of each size are refitted to more.
     """
-    engine = base.engine
-    weigh_alike(engine)
-    base.fit = fit(engine, base.fit.guess, fixed_base=base.fixed)
-    start = base.fit
+    engine, coarse = alike(base.engine), alike(base.coarse)
+    start = fit(coarse, base.fit.guess, fixed_base=base.fixed)
     for piece in given:
-        start = refine(engine, start, piece)
-    judge = Judge(engine, start.guess, frozenset(p.effect.id for p in given))
-    pool = candidates(engine, base.name, base.fixed, _own_forms(engine))
+        start = refine(coarse, start, piece)
+    own = frozenset(p.effect.id for p in given)
+    judge = Judge(coarse, start.guess, own)
+    pool = candidates(engine, base.has, _own_forms(base))
     found = [judge.judged(start)]
 
     def grown(parents: Sequence[Candidate], most: int, forms: int) -> list[Candidate]:
-        size = len(parents[0].effects - judge.given) if parents else 0
+        size = len(parents[0].effects - own) if parents else 0
         progress.part(f"{SIZES[size]}, by prediction", len(parents))
         fits = []
         for parent in parents:
-            fits += expand(engine, parent.fit, pool, most, forms)
+            fits += expand(coarse, parent.fit, pool, most, forms)
             progress.piece()
         mine = [judge.judged(one) for one in fits]
         found.extend(mine)
         return ranked(mine)
 
-    one = grown(found[:1], FIRST, FORMS)
+    one = grown(found[:1], FIRST, SHAPES)
     two = grown(one[: BEAM[0]], LATER + 1, 1)
     grown(two[: BEAM[1]], LATER, 1)
     order = ranked(found)
@@ -482,9 +470,11 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
     for size in range(1, len(BEAM) + 2):
         finalists += [c for c in order if len(c.effects) == size][:FINALISTS]
     progress.part("recordings left out", len(finalists))
-    judged = []
-    for finalist in finalists:
-        judged.append(judge.judged(finalist.fit, refit=True))
+    judge, judged = Judge(engine, start.guess, own), []
+    for one_ in finalists:
+        guess = one_.fit.guess
+        again = fit(engine, guess, fixed_base=base.fixed, iterations=REFITTED)
+        judged.append(judge.judged(again, refit=True))
         progress.piece()
     return judged
 
@@ -493,18 +483,20 @@ def alone(base: Baseline, found: Sequence[Candidate]) -> Candidate:
     """Return the base without any fault."""
     if not found[0].given:
         return found[0]
-    return Judge(base.engine, base.fit.guess).judged(base.fit, refit=True)
+    engine = alike(base.engine)
+    bare = fit(engine, base.fit.guess, fixed_base=base.fixed)
+    return Judge(engine, bare.guess).judged(bare, refit=True)
 
 
-def _own_forms(engine: Engine) -> frozenset[str]:
+def _own_forms(base: Baseline) -> frozenset[str]:
     """Return forms of laws that predict nothing on recordings left out.
 
     These are faults of single recordings; a limit that no reading reaches; and
     softening on reloading if nothing is reloaded, since viscosity widens a single loop
     as well.
     """
-    data = (engine.fine or engine).data
-    reloaded = any(_reloads(chunk) for chunk in engine.chunks)
+    data = base.engine.fine.data
+    reloaded = any(_reloads(chunk) for chunk in base.engine.chunks)
     out = set()
     for law in EFFECTS:
         own = bool(law.per_recording) and not law.carries_over
@@ -526,25 +518,22 @@ def _reloads(chunk: Chunk) -> bool:
     return bool(steps[again & (steps > 0)].sum() > AGAIN * max(size.max(), 1e-12))
 
 
-def posterior(found: Sequence[Candidate], bare: Candidate) -> Posterior:
-    """Probability of each set of effects, by how well it predicts.
+def posterior(
+    found: Sequence[Candidate], apart: Mapping[str, float], enough: bool
+) -> tuple[Posterior, Names]:
+    """Return the probability of each set of effects, by how well it predicts.
 
-    log P(S) = - sharpness times the score of S - `PRICE` for each effect. No set
-    reaches the noise, so the cause may be an effect that is not on the list. Its
-    probability is the share of the error of the base that the best set leaves, to the
-    power `OTHER`, and not below `Folds.chance`. `bare` is the base without faults.
+    `found[0]` is the base: if that is `enough`, nothing is missing, else something that
+    is not on the list. `apart` are the probabilities of faults judged by themselves.
     """
-    base = found[0]
-    log = np.array([c.log_odds - PRICE * len(c.effects) for c in found])
-    weight = np.exp(log - log.max())
-    weight /= weight.sum()
-    gain = base.score - min(c.score for c in found)
-    other = max(float(np.exp(-OTHER * gain)), base.folds.chance)
-    weight *= 1 - other
-    weight[0] += other
-    whole = [replace(c, given=frozenset()) for c in found]
-    unlisted = Hypothesis(whole[0], not base.given)
-    hypotheses = [Hypothesis(bare), unlisted, *map(Hypothesis, whole[1:])]
-    beside = np.ones(len(hypotheses))
-    beside[0], beside[1] = 0.0, float(bool(base.given))
-    return Posterior(tuple(hypotheses), np.concatenate([[0.0], weight]), beside)
+    chance = found[0].folds.chance
+    errors = np.array([c.nrmse for c in found])
+    sets = [c.effects for c in found]
+    share = shares(errors, np.array([len(s) for s in sets])) * (1 - chance)
+    first = share[0] + chance
+    hypotheses = [Hypothesis(found[0], other) for other in (False, True)]
+    hypotheses += [Hypothesis(c) for c in found[1:]]
+    split = [first * enough, first * (not enough), *share[1:]]
+    none = np.zeros(len(hypotheses))
+    told = Posterior(tuple(hypotheses), np.array(split), none, apart)
+    return told, names_of(sets, errors, chance)

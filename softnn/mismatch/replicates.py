@@ -79,6 +79,15 @@ class Replicates:
         share = share.reshape(-1, *(1,) * (values.ndim - 1))
         return np.asarray((1 - share) * mine[after - 1] + share * mine[after])
 
+    def inside(self, group: Sequence[int]) -> NDArray[np.bool]:
+        """Return a mask (points,) of those at which all recordings have stress left."""
+        return np.logical_and.reduce([self.at[r] <= self.times[r][-1] for r in group])
+
+    def counted(self, recording: int) -> Array:
+        """Return the weight (points,) of the samples that each point stands for."""
+        place = self.along(recording, np.arange(len(self.engine.target), dtype=float))
+        return self.along(recording, self.engine.share) * np.abs(np.gradient(place))
+
 
 @dataclass(frozen=True)
 class Term:
@@ -364,7 +373,7 @@ def stand_out(engine: Engine, found: Fit) -> list[Fault]:
     """Return faults that recordings have and their replicates have not."""
     if not Replicates(engine).groups:
         return []
-    guess, shared = _alike(found.guess)
+    guess, shared = alike(found.guess)
     regression = Regression(engine, guess)
     every = frozenset(regression.pieces)
     best = regression.forward(every)
@@ -399,7 +408,7 @@ def _channels(data: Data) -> tuple[Sequence[Chunk], Sequence[Array]]:
     return data.chunks, data.stress_MPa
 
 
-def _alike(guess: Guess) -> tuple[Guess, dict[str, Piece]]:
+def alike(guess: Guess) -> tuple[Guess, dict[str, Piece]]:
     """Return the guess in which effects of recordings have their smallest size in all.
 
     Also returns these effects, if the smallest size is not zero.
@@ -432,7 +441,7 @@ def _like(turned: Mapping[int, tuple[Array, Array]], like: float) -> list[list[i
     """Return replicates: recordings with turning points at like times and strains."""
     reach = max((float(np.ptp(x)) for _, x in turned.values()), default=0.0)
 
-    def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    def near(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
         if len(one[0]) != len(other[0]):
             return False
         off = np.abs(one[0] - other[0]).sum(), np.abs(one[1] - other[1]).max()
@@ -440,7 +449,7 @@ def _like(turned: Mapping[int, tuple[Array, Array]], like: float) -> list[list[i
 
     groups: list[list[int]] = []
     for r, mine in turned.items():
-        group = next((g for g in groups if alike(turned[g[0]], mine)), None)
+        group = next((g for g in groups if near(turned[g[0]], mine)), None)
         if group is None:
             groups.append([r])
         else:

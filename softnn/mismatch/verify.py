@@ -132,7 +132,9 @@ def heldout(engine: Engine, found: Fit) -> Heldout:
             own[alone] = _solved(h, a.T @ miss, *ends, x[alone])
             stress[test] = predict(engine, found.guess, where, own, base)[test]
         missed[index] = (engine.target - stress)[index]
-    errors, squares = np.bincount(part, missed**2), np.bincount(part, engine.target**2)
+    errors, squares = (
+        np.bincount(part, engine.share * x**2) for x in (missed, engine.target)
+    )
     misfit = chi2 / len(missed)
     return Heldout(errors.astype(float), squares.astype(float), misfit)
 

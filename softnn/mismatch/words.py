@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from softnn.effects import effect
+from softnn.mismatch.compare import LIKELY, NAMED, SURE
 from softnn.mismatch.decision import HELPS
-from softnn.mismatch.posterior import LIKELY, NAMED, SURE
 from softnn.mismatch.prediction import BEAM
 from softnn.report.page import UNUSED
 from softnn.report.phrases import listed, number, opened, percent, plain, sure
@@ -53,13 +53,46 @@ def unused(result: Result) -> str:
 
 
 def _what(result: Result) -> str:
+    enough = _enough(result)
+    return f"{enough} {_missing(result)}".strip() if enough else _missing(result)
+
+
+def _enough(result: Result) -> str:
+    """Return that the simulation is good enough, and for what; "" if it is not."""
+    if result["verdict"] != "good_enough":
+        return ""
+    before = percent(result["fit"]["before"]["heldout_nrmse"])
+    return (
+        f"The simulation is good enough: it predicts {unused(result)} to {before}"
+        f"{_needed(result)}."
+    )
+
+
+def _needed(result: Result) -> str:
+    """Return what the error is held against: what replicates differ by, or a need."""
+    floor, need = result["floor"], percent(result["tolerance"])
+    if floor and floor["high"] > result["tolerance"]:
+        return f" ({floor['of']} differ by {percent(floor['nrmse'])})"
+    return f" ({need} is good enough)"
+
+
+def _missing(result: Result) -> str:
     nothing = result["probabilities"]["nothing"]
-    if result["selected"]:
+    if result["selected"] or result["classes"]:
         return _named(result)
-    if result["verdict"] == "nothing_missing":
-        return f"Nothing is missing ({sure(nothing)})."
     if result["shows"]["few"]:
         return "Too little was recorded to tell whether anything is missing."
+    if result["shows"]["noise"]:
+        return "The stress is hardly more than noise; nothing can be seen in it."
+    if result["verdict"] == "nothing_missing":
+        text = f"Nothing is missing ({sure(nothing)})"
+        if result["shows"]["only_loading"]:
+            return f"{text} in first loading; unloading was not recorded."
+        return f"{text}."
+    if result["verdict"] == "good_enough":
+        if result["shows"]["only_loading"]:
+            return "That is first loading alone; unloading was not recorded."
+        return ""
     if result["verdict"] == "unexplained":
         chance = result["probabilities"]["on_no_list"]
         if chance >= NAMED:
@@ -77,10 +110,7 @@ def _what(result: Result) -> str:
             "friction and others look alike there."
         )
     if nothing <= 1 - SURE:
-        return (
-            f"Something is missing ({sure(1 - nothing)}), but these recordings cannot "
-            "tell what."
-        )
+        return f"Something is missing ({sure(1 - nothing)}), and several effects fit."
     return "These recordings cannot tell what is missing, or whether anything is."
 
 
@@ -89,18 +119,27 @@ def _named(result: Result) -> str:
     every = _probability(result)
     parts = {e["effect"]: _in(result, e["recordings"]) for e in _own(result)}
 
-    def said(names: Sequence[str]) -> str:
-        return listed(
-            [f"{plain(n)}{parts.get(n, '')} ({sure(every[n])})" for n in names]
-        )
+    def said(names: Sequence[str]) -> list[str]:
+        return [f"{plain(n)}{parts.get(n, '')} ({sure(every[n])})" for n in names]
 
+    within = {m for c in result["classes"] for m in c["members"]}
     names = sorted(result["selected"], key=lambda n: -every[n])
-    certain = [n for n in names if every[n] >= SURE]
-    likely = [n for n in names if every[n] < SURE]
+    certain = said([n for n in names if every[n] >= SURE])
+    certain += [_class(c) for c in result["classes"]]
+    likely = [n for n in names if every[n] < SURE and n not in within]
     if not certain:
-        return f"Most likely {said(likely)} {_were(likely)} left out."
-    text = f"{opened(said(certain))} {_were(certain)} left out"
-    return f"{text}{f', and most likely {said(likely)}' if likely else ''}."
+        return f"Most likely {listed(said(likely))} {_were(likely)} left out."
+    text = f"{opened(listed(certain))} {_were(certain)} left out"
+    return f"{text}{f', and most likely {listed(said(likely))}' if likely else ''}."
+
+
+def _class(one: Mapping[str, Any]) -> str:
+    """Return laws that cannot be told apart here, and that one of them is there."""
+    them = " or ".join(plain(m) for m in one["members"])
+    chance = sure(one["probability"])
+    if one["name"]:
+        return f"{one['name']} ({them}: {chance})"
+    return f"{them} ({chance})"
 
 
 def _were(names: Sequence[str]) -> str:
@@ -135,15 +174,17 @@ def _error(result: Result) -> str:
     fit, new = result["fit"], unused(result)
     before, after = (percent(fit[k]["heldout_nrmse"]) for k in ("before", "after"))
     whole = [percent(fit[k]["nrmse"]) for k in ("before", "after")]
-    noise = f"noise {_noise(result)}"
+    held = _against(result)
     by, names = result["corrected_by"], result["selected"]
     if result["verdict"] == "nothing_missing":
-        return f"The simulation predicts {new} to {before} ({noise})."
+        return f"The simulation predicts {new} to {before}{held}."
     if names and all(effect(n).scatter for n in names):
         # Specimens have their own scale either way, so the error does not change.
-        return f"But for that, {new} are predicted to {before} ({noise})."
+        return f"But for that, {new} are predicted to {before}{held}."
     if not by:
-        return f"The simulation predicts {new} to {before} only ({noise})."
+        if result["verdict"] == "good_enough":
+            return ""
+        return f"The simulation predicts {new} to {before} only{held}."
     if not names:
         with_ = f"With {_listed(by)}"
     elif set(by) <= set(names):
@@ -157,14 +198,18 @@ def _error(result: Result) -> str:
         # A fault of single recordings does not help to predict others.
         return (
             f"{with_}, the error on all recordings is {whole[1]} instead of "
-            f"{whole[0]}; {new} are predicted to {after} instead of {before} ({noise})."
+            f"{whole[0]}; {new} are predicted to {after} instead of {before}{held}."
         )
-    return f"{with_}, {new} are predicted to {after} instead of {before} ({noise})."
+    return f"{with_}, {new} are predicted to {after} instead of {before}{held}."
 
 
-def _noise(result: Result) -> str:
-    fast = ", from sample to sample" if result["judged_by"] == "prediction" else ""
-    return f"{percent(result['fit']['noise_nrmse'])}{fast}"
+def _against(result: Result) -> str:
+    """Return what errors are held against: the noise, the floor, or the tolerance."""
+    if result["judged_by"] == "likelihood":
+        return f" (noise {percent(result['fit']['noise_nrmse'])})"
+    if result["verdict"] == "good_enough":
+        return ""  # said before
+    return _needed(result)
 
 
 # --- what stays open ------------------------------------------------------------------
@@ -178,8 +223,8 @@ def _open(result: Result) -> list[str]:
             f"The nearest known effect, {plain(near['effect'])}, accounts for "
             f"{percent(near['share'])} of the mismatch."
         )
-    beyond = result["judged_by"] == "prediction" and bool(names)
-    if beyond or result["verdict"] == "partly_explained":
+    if result["verdict"] == "partly_explained":
+        said += _remains(result)
         which = ORDINALS[min(len(names), len(ORDINALS) - 1)]
         maybe = f" (perhaps {listed(beside)})" if beside else ""
         said.append(
@@ -193,6 +238,14 @@ def _open(result: Result) -> list[str]:
         is_ = "is" if len(beside) == 1 else "are"
         said.append(f"{opened(listed(beside))} {is_} possible as well.")
     return _factors(result) + said + _structure(result)
+
+
+def _remains(result: Result) -> list[str]:
+    """Return what is left beside the effects that are named."""
+    if result["judged_by"] == "likelihood" or not result["corrected_by"]:
+        return []
+    left = percent(result["fit"]["after"]["heldout_nrmse"])
+    return [f"{left} remain{_needed(result)}."]
 
 
 def _factors(result: Result) -> list[str]:

@@ -7,7 +7,7 @@ the report.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from platform import python_version
 from typing import Any
@@ -50,6 +50,7 @@ def diagnosis(
     error.
     """
     decision, probable = told.decision, told.posterior
+    floor = decision.need.floor
     before, after = decision.before, decision.after
     ratio, low, high = verify.ratio_interval(before.errors, after.errors, rng)
     pieces = [(i, p) for i, p in enumerate(told.after.guess.pieces) if not p.nuisance]
@@ -64,7 +65,7 @@ def diagnosis(
         "summary": "",
         "answer": {},
         "recordings": _recordings(whole, told),
-        "notes": _notes(whole),
+        "notes": [*_notes(whole), *told.base.notes],
         "selected": told.names,
         "noise": _noise(told, axes),
         "mismatch": _regions(told, axes, rng),
@@ -79,6 +80,13 @@ def diagnosis(
             "on_no_list": round(probable.nothing_named, 4),
             "something_else_too": round(probable.other - probable.nothing_named, 4),
         },
+        "classes": [
+            {"name": c.name, "members": list(c.members), "probability": c.probability}
+            for c in decision.classes
+        ],
+        "floor": floor and asdict(floor),
+        "tolerance": decision.need.tolerance,
+        "action": decision.action,
         "ways": [
             {"effects": sorted(s), "probability": round(p, 4)}
             for s, p in probable.ways()
@@ -97,6 +105,7 @@ def diagnosis(
         "judged_by": told.judged_by,
         "shows": {
             "few": decision.shows.few,
+            "noise": decision.shows.noise,
             "only_loading": decision.shows.only_loading,
         },
         "nearest": _nearest(told),
@@ -192,8 +201,8 @@ def _regions(
 def _nrmse(told: Judgement, one: Fit, rows: NDArray[np.bool] | None = None) -> float:
     """Return the NRMSE of a fit, of all samples or of those in `rows` (valid,)."""
     rows = np.ones(len(told.fine.target), bool) if rows is None else rows
-    target = told.fine.target[rows]
-    return verify.nrmse_of((target - one.stress[rows]) ** 2, target**2)
+    target, share = told.fine.target[rows], told.fine.share[rows]
+    return verify.nrmse_of(share * (target - one.stress[rows]) ** 2, share * target**2)
 
 
 def _errors(told: Judgement, one: Fit, heldout: verify.Heldout) -> dict[str, Any]:

@@ -34,7 +34,7 @@ def at_rest(engine: Engine) -> list[Fault]:
 
 def likely(engine: Engine, piece: Piece) -> float:
     """Return the probability that recordings of a piece have an offset of their own."""
-    data = (engine.fine or engine).data
+    data = engine.fine.data
     every = list(zip(data.chunks, data.stress_MPa, strict=True))
     read = np.array([stress_at_rest(chunk, s) for chunk, s in every])
     there = np.isfinite(read)

@@ -10,23 +10,32 @@ computed once and used for many strains.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from softnn.contracts import Array, Chunk, InputError, increments
+from softnn.contracts import Array, InputError, Parameter, increments
+from softnn.models.base import Base
 
 BASES = ("hooke", "sls", "wiechert", "pl-sls", "pl-wiechert")
 
 
 @dataclass(frozen=True)
-class Units:
+class Units(Base):
     """Knots (segments + 1,) of the spring, relaxation times (branches,) in s.
 
     The two outermost segments extend without limit: strain beyond the knots meets the
     stiffness of the outermost segment.
+
+    >>> base = Units("sls", (0.0, 1.0), (2.0,))
+    >>> from softnn.contracts import Chunk
+    >>> hold = Chunk(np.array([0.0, 2.0]), np.array([0.1, 0.1]))
+    >>> base.respond(hold)[1].round(4).ravel().tolist()
+    [0.1, 0.0368]
     """
 
     name: str
@@ -48,8 +57,45 @@ class Units:
         return len(self.knots) - 1
 
     @property
-    def columns(self) -> int:
-        return self.segments + len(self.relaxation_times)
+    def reach(self) -> tuple[float, float]:
+        return self.knots[0], self.knots[-1]
+
+    @property
+    def corners(self) -> Array:
+        return np.array(self.knots)
+
+    @property
+    def has(self) -> frozenset[str]:
+        branches = {"relaxation_branch"} if self.name.endswith("wiechert") else set()
+        bends = {"nonlinear_elasticity"} if self.name.startswith("pl-") else set()
+        return frozenset(branches | bends)
+
+    @property
+    def nonlinear(self) -> tuple[Parameter, ...]:
+        """The relaxation time [s] of an SLS; other bases have a grid of them."""
+        if not self.name.endswith("sls"):
+            return ()
+        return tuple(
+            Parameter(f"relaxation_time_{j}", "s", t / 1e4, t * 1e4, t, "log")
+            for j, t in enumerate(self.relaxation_times)
+        )
+
+    def having(self, values: Mapping[str, float]) -> Units:
+        times = list(self.relaxation_times)
+        for name, value in values.items():
+            times[int(name.rpartition("_")[2])] = value
+        return replace(self, relaxation_times=tuple(times))
+
+    def only(self, branches: NDArray[np.integer]) -> Units:
+        times = np.array(self.relaxation_times)[branches]
+        return replace(self, relaxation_times=tuple(times.tolist()))
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "knots": [float(k) for k in self.knots],
+            "relaxation_times_s": [float(t) for t in self.relaxation_times],
+        }
 
     def finer(self, branches_too: bool = True) -> Units:
         """The same base with a knot between any two, and a time where it has a grid.
@@ -120,34 +166,6 @@ relaxation_times=(1.0, 2.0, 4.0))
         low[0], high[-1] = -np.inf, np.inf
         return low, high, np.clip(start, low, high)
 
-    def decays(self, time_s: Array, before_s: float | None) -> tuple[Array, Array]:
-        """Return decay and gain (n, branches) of each step.
-
-        The first step counts from `before_s` [s]; times are in s.
-        """
-        first = time_s[0] if before_s is None else before_s
-        step = increments(time_s, first)
-        x = step[:, None] / np.array(self.relaxation_times)
-        lost = -np.expm1(-x)
-        return 1 - lost, np.where(x > 1e-9, lost / np.maximum(x, 1e-300), 1 - x / 2)
-
-    def followed(
-        self, decays: tuple[Array, Array], chunk: Chunk, state: Any = None
-    ) -> tuple[Array, Any]:
-        """Unit branch stresses (n, branches) for the branch strain, and the state."""
-        if not chunk.branch_parts:
-            given = chunk.branch_strain
-            return self.branches(
-                decays, chunk.strain if given is None else given, state
-            )
-        states = state or (None,) * len(chunk.branch_parts)
-        total, out = np.zeros(1), []
-        for (weight, strain), own in zip(chunk.branch_parts, states, strict=True):
-            part, own = self.branches(decays, strain, own)
-            total = total + weight[:, None] * part
-            out.append(own)
-        return total, tuple(out)
-
     def branches(
         self, decays: tuple[Array, Array], strain: Array, state: Any = None
     ) -> tuple[Array, Any]:
@@ -164,18 +182,17 @@ relaxation_times=(1.0, 2.0, 4.0))
         maxwell(*decays, increments(strain, before), carried, out)
         return out, (float(strain[-1]), out[-1].copy())
 
-    def respond(self, chunk: Chunk, state: Any = None) -> tuple[Array, Array, Any]:
-        """Spring columns, branch columns and the state at the end of the chunk.
-
-        >>> base = Units("sls", (0.0, 1.0), (2.0,))
-        >>> hold = Chunk(np.array([0.0, 2.0]), np.array([0.1, 0.1]))
-        >>> base.respond(hold)[1].round(4).ravel().tolist()
-        [0.1, 0.0368]
-        """
-        last, inner = (None, None) if state is None else state
-        decays = self.decays(chunk.time_s, last)
-        branch, inner = self.followed(decays, chunk, inner)
-        return self.springs(chunk.strain), branch, (float(chunk.time_s[-1]), inner)
+    def in_c(self, stiffness: Array) -> tuple[str, dict[str, Any]]:
+        springs = stiffness[: self.segments]
+        # A single spring is a line through the origin, wherever its ends are.
+        knots = np.array(self.knots) if self.segments > 1 else np.zeros(2)
+        return "", {
+            "segments": len(springs),
+            "last": len(springs) - 1,
+            "knots": knots[:-1],
+            "at": (self.springs(knots) @ springs)[:-1],
+            "slopes": springs,
+        }
 
 
 def build(

@@ -14,6 +14,7 @@ import numpy as np
 from softnn.axes import Axes
 from softnn.contracts import Array, Effect
 from softnn.effects import effect
+from softnn.models import hyperelastic
 from softnn.report.phrases import listed, number, opened, plain
 
 ROWS = 40  # of the table of regions
@@ -23,6 +24,7 @@ VERDICTS = {
     "partly_explained": "Explained in part",
     "unexplained": "Not explained by any effect known here",
     "nothing_missing": "Nothing is missing",
+    "good_enough": "Good enough",
     "undetermined": "These recordings cannot tell",
 }
 UNUSED = {
@@ -37,6 +39,7 @@ BASES = {
     "pl-sls": "PL-SLS: a piecewise-linear spring beside one spring and dashpot",
     "pl-wiechert": "PL-Wiechert: a piecewise-linear spring beside several springs and "
     "dashpots",
+    **hyperelastic.SAID,
 }
 
 

@@ -2,9 +2,9 @@
 /* Springs in turn, straight between the knots and beyond them. */
 static double {p}_springs(double e)
 {
-    static const double knot[{n}] = {{knots}};
-    static const double at[{n}] = {{at}};
-    static const double slope[{n}] = {{slopes}};
+    static const double knot[{segments}] = {{knots}};
+    static const double at[{segments}] = {{at}};
+    static const double slope[{segments}] = {{slopes}};
     int low = 0, high = {last};
     while (low < high) {
         const int middle = (low + high + 1) / 2;
@@ -109,5 +109,53 @@ static double {p}_units({p}_units_t *s, double dt, double strain)
     }
     s->dt = dt;
     s->known = 1;
+    return sum;
+}
+/*@ hyperelastic springs */
+/* A hyperelastic law for an initial Young's modulus of 1 MPa: t is the Kirchhoff
+   stress along less that across, at a stretch l. */
+static double {p}_along(double l)
+{
+    double t = 0.0;
+{law}    return t;
+}
+static double {p}_springs(double e)
+{
+    const double l = fmax(1.0 + e, {thinnest});
+    return {lasting} * {p}_along(l) / l;
+}
+/*@ hyperelastic branches_type */
+typedef struct {
+    int known;
+    double dt, last[2], decay[{n}], gain[{n}], carried[{n}][2];
+} {p}_branches_t;
+/*@ hyperelastic branches */
+/* A Prony series on the second Piola-Kirchhoff stress, along and across. */
+static double {p}_branches({p}_branches_t *s, double dt, double b)
+{
+    static const double time[{n}] = {{times}};
+    static const double stiffness[{n}] = {{stiffness}};
+    const double l = fmax(1.0 + b, {thinnest}), t = {p}_along(l);
+    const double now[2] = {{along}, {across}}, by[2] = {l, -1.0 / (l * l)};
+    double sum = 0.0;
+    int j, k;
+    if (dt != s->dt || !s->known) {
+        for (j = 0; j < {n}; j++) {
+            const double x = dt / time[j], lost = -expm1(-x);
+            s->decay[j] = 1.0 - lost;
+            s->gain[j] = x > 1e-9 ? lost / x : 1.0 - x / 2.0;
+        }
+        s->dt = dt;
+        s->known = 1;
+    }
+    for (k = 0; k < 2; k++) {
+        for (j = 0; j < {n}; j++) {
+            const double stress = s->decay[j] * s->carried[j][k]
+                                  + s->gain[j] * (now[k] - s->last[k]);
+            s->carried[j][k] = fabs(stress) < 1e-290 ? 0.0 : stress;
+            sum += stiffness[j] * by[k] * s->carried[j][k];
+        }
+        s->last[k] = now[k];
+    }
     return sum;
 }

@@ -1,0 +1,143 @@
+"""An answer does not depend on what does not matter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made import STIFFNESS, UNITS
+
+from softnn import Recording, diagnose
+from softnn.contracts import Chunk
+from softnn.effects import EFFECTS
+from softnn.fit import Guess, Piece
+from softnn.fit.point import with_stress
+from softnn.metrics import weights
+from softnn.mismatch.base import possible
+from softnn.noise import Noise
+from softnn.simulate import simulate
+
+RAMP = np.minimum(0.1 * np.arange(2001.0), 1.0)
+
+
+# --- weights of samples ---------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
+def test_weights_do_not_depend_on_units(by, of):
+    time = np.arange(len(RAMP))
+    np.testing.assert_allclose(
+        weights(by * time, of * RAMP), weights(time, RAMP), rtol=1e-6, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("step", [2, 5])
+def test_weights_of_a_stretch_do_not_depend_on_how_often_it_was_written(step):
+    """The ramp takes 10 of 2,000 s, and half of the weight, with fewer samples too."""
+    time = np.arange(len(RAMP), dtype=float)
+    for every in (1, step):
+        own = weights(time[::every], RAMP[::every])
+        early = time[::every] <= 10
+        assert own[early].sum() / own.sum() == pytest.approx(0.5, abs=0.02)
+
+
+def test_equal_paths_of_strain_weigh_alike_whatever_the_rate():
+    time = np.concatenate([np.linspace(0, 1, 20), np.linspace(1, 20, 400)[1:]])
+    strain = np.interp(time, [0, 1, 20], [0, 1, 0])
+    own = weights(time, strain)
+    assert own[:20].sum() == pytest.approx(own[19:].sum(), rel=0.05)
+
+
+def test_equal_steps_of_the_logarithm_of_time_weigh_alike_in_a_hold():
+    time = np.arange(len(RAMP), dtype=float)
+    own, since = weights(time, RAMP), time - 10
+    decades = [own[(since > a) & (since <= 10 * a)].sum() for a in (20, 199)]
+    assert decades[0] == pytest.approx(decades[1], rel=0.3)  # not ten times as much
+
+
+def test_noise_of_a_strain_channel_is_no_motion():
+    time = np.arange(len(RAMP), dtype=float)
+    noisy = RAMP + 1e-3 * np.random.default_rng(0).standard_normal(len(RAMP))
+    early = time <= 10
+    share = [
+        w[early].sum() / w.sum() for w in (weights(time, x) for x in (RAMP, noisy))
+    ]
+    assert share[0] == pytest.approx(share[1], abs=0.05)
+
+
+# --- the unit of stress ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("law", EFFECTS, ids=lambda law: law.id)
+def test_every_effect_scales_with_stress(law):
+    """A fit in other units, taken back to MPa, gives the stress in MPa."""
+    time = np.linspace(0, 40, 400)
+    strain = 0.4 * np.abs(np.sin(0.3 * time)) * (1 - 0.5 * law.id.startswith("tension"))
+    chunk = Chunk(time, strain, 20 + 0.1 * time)
+    one = 250.0
+    for form in law.forms:
+        start = form.defaults() | {
+            k: np.atleast_1d(v)[:1] if k in form.per_recording else v
+            for k, v in form.starts(_scales(time, strain))[0].items()
+        }
+        guess = Guess(UNITS, STIFFNESS, (Piece(form, start, ()),))
+        back = with_stress(guess, one)
+        a, b = (
+            simulate(UNITS, g.stiffness, g.terms(), [chunk])[0] for g in (guess, back)
+        )
+        np.testing.assert_allclose(b, one * a, rtol=1e-6, atol=1e-9 * one)
+
+
+def _scales(time, strain):
+    from softnn.fit import Data
+
+    return Data(("a",), (Chunk(time, strain),), (strain,)).scales()
+
+
+@pytest.fixture(scope="module")
+def softened():
+    """Two strips of a softening material that no law here describes exactly."""
+    out = []
+    for i, top in enumerate((0.5, 0.8)):
+        time = np.arange(0, 60, 0.25)
+        strain = top * np.abs(np.sin(0.16 * time)) * np.minimum(time / 30, 1)
+        largest = np.maximum.accumulate(strain)
+        wavy = 1 + 0.15 * np.sin(9 * strain)
+        stress = 2 * strain * wavy * (1 - 0.4 * (largest - strain) / (largest + 0.05))
+        rng = np.random.default_rng(i)
+        noisy = stress + 1e-3 * rng.standard_normal(len(stress))
+        out.append(Recording(time, strain, noisy, name=f"s{i}"))
+    return out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("by", [2.0, 1e-3], ids=["twice", "kPa"])
+def test_the_unit_of_stress_changes_no_answer(softened, by):
+    first = diagnose(softened, "pl-sls")
+    other = diagnose(
+        [replace(r, stress_MPa=by * r.stress_MPa) for r in softened],
+        "pl-sls",
+        as_is=True,
+    )
+    assert other.selected == first.selected
+    assert other.probability == pytest.approx(first.probability, abs=0.01)
+    errors = [d.result["fit"]["after"]["heldout_nrmse"] for d in (first, other)]
+    assert errors[0] == pytest.approx(errors[1], rel=0.01)
+    strip = softened[0]
+    np.testing.assert_allclose(
+        other.model.simulate(strip), by * first.model.simulate(strip), rtol=1e-4
+    )
+
+
+# --- noise ----------------------------------------------------------------------------
+
+
+def test_no_machine_has_a_noise_that_neighbouring_samples_do_not_show():
+    smooth = np.sin(np.linspace(0, 6, 200))
+    (told,) = possible([Noise(0.3, 0.0, 0.0)], [smooth])
+    assert told.floor_MPa == pytest.approx(0.02 * np.ptp(smooth))  # ISO 7500-1, class 2
+    rough = smooth + 0.2 * np.random.default_rng(0).standard_normal(200)
+    (shown,) = possible([Noise(0.2, 0.0, 0.0)], [rough])
+    assert shown.floor_MPa == pytest.approx(0.2)
