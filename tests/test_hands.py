@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from bench.concealed.sealing import read_truth
 from bench.hands import kernels, noises, programmes, softening
 from bench.hands.bases import Base
 from bench.hands.drawing import AGAIN, draw, draw_setup
@@ -20,6 +19,7 @@ from bench.hands.materials import SKELETONS, SPECTRA, Material
 from bench.hands.orders import LAWS, STRANGERS, laws_of
 from bench.hands.programmes import PROGRAMMES, Course
 from bench.hands.testing import Setup, linear_flow, simulate
+from bench.trials.sealing import read_truth
 
 PLAIN = noises.Noise("white", 0.01, np.full(9, 0.01))
 

@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 
 from bench import cost, ledger, scoring
-from bench.concealed import reporting
-from bench.concealed.unlisted import UNLISTED
 from bench.limits import reporting as limits_report
 from bench.proof import concealed, limits, make, others, page
 from bench.reporting import publish
 from bench.rivals import table as rivals_table
 from bench.scoring import Rate, Truth
+from bench.trials import reporting
 from softnn.json_file import plain
 from softnn.study import common
 
@@ -317,7 +316,6 @@ def test_kinds_that_a_law_was_written_for_are_counted_apart():
     assert share_in(said) == ["88 % (53 to 98) of 8", "90 % (60 to 98) of 10"]
     only = {"hum": Rate(5, 5).entry()}
     assert concealed.strangers_sentence(found | {"aliens": only}) == ""
-    assert set(concealed.WITH_LAWS) <= {kind.__name__ for kind in UNLISTED}
 
 
 def share_in(text: str) -> list[str]:
