@@ -1,7 +1,8 @@
 r"""What does a diagnosis cost, against the number of samples and of candidate effects?
 
-Cases by other hands, of seven recordings each, are written down with more and more samples, and
-diagnosed one at a time in this process; then with more and more effects to choose from.
+Cases by other hands, of seven recordings each, are written down with more and more
+samples, and diagnosed one at a time in this process; then with more and more effects to
+choose from.
 Two curves stand over the samples. As it is: the search looks at no more than a thousand
 samples a recording (`thin`: evenly spaced, every reversal kept), and regions, figures
 and errors at no more than six thousand, so beyond these the cost is that of reading.

@@ -362,4 +362,4 @@ def test_smallest_signal_of_the_oracle_is_where_its_power_is_ninety_per_cent():
     chance = pd.Series([power(1000 * s**2, 1) for s in size])
     found = summary.smallest_signal(size, chance)
     assert found == pytest.approx((2.5758 + 1.2816) / np.sqrt(1000), abs=2e-4)
-    assert summary.smallest_signal(size, 0.5 * power) is None
+    assert summary.smallest_signal(size, 0.5 * chance) is None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from scipy.stats import chi2, ncx2
 
-from bench.hands.families import Act
+from bench.hands.testing import Act
 
 FALSE_ALARM = 0.01
 
