@@ -19,7 +19,7 @@ from softnn.app.command import add_app
 from softnn.contracts import InputError, nearest
 from softnn.datasets.command import add_data
 from softnn.export.command import add_export
-from softnn.mismatch.commands import add_demo, add_diagnose, add_simulate
+from softnn.mismatch.commands import add_demo, add_diagnose, add_plan, add_simulate
 from softnn.readers.arguments import add_options, options_of
 from softnn.recording import Recording
 
@@ -42,6 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_read(commands)
     add_diagnose(commands)
+    add_plan(commands)
     add_simulate(commands)
     add_export(commands)
     add_demo(commands)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from bench.hands import kernels, noises, programmes, softening
+from bench.hands import again, kernels, noises, programmes, softening
 from bench.hands.bases import Base
 from bench.hands.drawing import AGAIN, draw, draw_setup
 from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES
@@ -395,3 +395,20 @@ def test_where_no_base_is_adequate_another_is_drawn():
     case = draw(20016, 7, "bent", "held_out")
     assert [law.effect for law in case.laws] == ["mullins_softening", "finite_strain"]
     assert case.tries >= AGAIN
+
+
+def test_another_recording_is_of_the_same_truth():
+    """A held programme, recorded anew without noise, has the stress of the held one."""
+    index = next(i for i in range(9) if again.can_record(draw(3, i, "pair", SIDES[0])))
+    case = draw(3, index, "pair", SIDES[0])
+    course, held = case.setup.courses[case.setup.n], case.stress(held=True)[0]
+    silent = noises.Noise("white", 0.0, np.zeros(case.setup.n))
+    rng = np.random.default_rng(0)
+
+    def recorded(noise):
+        other = replace(case, noise=noise)
+        return again.record(other, course.time_s, course.strain, rng, course.warmth_C)
+
+    np.testing.assert_allclose(recorded(silent), held, atol=1e-9)
+    loud = noises.Noise("white", 0.01, np.array([0.01, 0.02, 0.03]))
+    assert np.std(recorded(loud) - held) == pytest.approx(0.02, rel=0.15)  # the median

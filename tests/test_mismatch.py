@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,11 +9,10 @@ import pytest
 from made import STIFFNESS, UNITS, histories, mullins, straight, write_case
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from softnn.axes import SPECIMEN
 from softnn.contracts import Chunk
 from softnn.effects import effect
-from softnn.fit import Data, Engine, Guess
-from softnn.mismatch import diagnosis, verify, written
+from softnn.fit import Data, Guess
+from softnn.mismatch import diagnosis, verify
 from softnn.mismatch.accounts import search
 from softnn.mismatch.base import baseline, beyond, start, units_for
 from softnn.mismatch.candidates import ENTRY, expand
@@ -22,7 +20,7 @@ from softnn.mismatch.case import read_case, to_data
 from softnn.mismatch.decision import Shows, decide
 from softnn.mismatch.diagnosis import diagnose
 from softnn.mismatch.posterior import Hypothesis, Posterior
-from softnn.mismatch.screen import Screen, start_pieces
+from softnn.mismatch.screen import Screen
 from softnn.models.units import Units
 from softnn.simulate import Term, simulate
 
@@ -427,41 +425,6 @@ def test_a_simulation_is_kept_where_no_stress_was_measured():
     (more,) = engine.remainder  # beyond a stand-in without stiffness: all of it
     np.testing.assert_allclose(more, 0.3 * time, atol=1e-12)
     assert len(engine.target) == 40
-
-
-def advised(engine, *pair):
-    """What is advised to separate two effects, each at its first start."""
-
-    def having(name):
-        (piece, *_) = start_pieces(engine, effect(name))
-        fitted = SimpleNamespace(guess=Guess(UNITS, STIFFNESS, (piece,)))
-        return SimpleNamespace(effects=frozenset({name}), fit=fitted)
-
-    told = SimpleNamespace(
-        engine=engine,
-        candidates=[having(name) for name in pair],
-        base=SimpleNamespace(fixed=False),
-        log_odds=lambda account: 0.0,
-    )
-    return written._programme(told, SPECIMEN, {"separates": list(pair)})
-
-
-def test_the_next_recording_has_the_mean_temperature_where_a_law_needs_one():
-    chunk = straight([0, 0.5, 0], 0.1, 0.05)
-    warm = Chunk(chunk.time_s, chunk.strain, np.full(len(chunk.time_s), 30.0))
-    engine = Engine(Data(("a",), (warm,), (2 * warm.strain,)))
-
-    found = advised(engine, "thermal_softening", "mullins_softening")
-    assert found["differ"] > 0
-
-
-def test_no_advised_programme_goes_where_a_specimen_tore():
-    chunk = straight([0, 0.9], 0.1, 0.05)
-    stress = np.where(chunk.strain > 0.5, np.nan, chunk.strain)
-    engine = Engine(Data(("a",), (chunk,), (stress,)))
-
-    found = advised(engine, "permanent_set", "mullins_softening")
-    assert 0.45 < max(found["programme"]["strain"]) <= 0.5
 
 
 def test_who_says_which_recordings_are_of_one_specimen(tmp_path):

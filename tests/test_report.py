@@ -55,7 +55,8 @@ def told(names=("first", "second"), samples=400):
     result = {
         "case": names[0], "data_sha256": "ab", "model": "hooke", "version": 1,
         "verdict": "explained", "judged_by": "likelihood", "structure": None,
-        "shows": {"few": False, "only_loading": False}, "nearest": None,
+        "shows": {"few": False, "only_loading": False, "noise": False}, "nearest": None,
+        "classes": [], "floor": None, "tolerance": 0.02, "action": "record",
         "selected": ["mullins_softening"], "corrected_by": ["mullins_softening"],
         "recordings": [
             {"name": name, "samples": samples, "specimen": "", "source": "",
@@ -75,7 +76,7 @@ def told(names=("first", "second"), samples=400):
                 "after": {"nrmse": 0.01, "heldout_nrmse": 0.02},
                 "heldout_by": "recording" if len(names) > 1 else "stretch",
                 "noise_nrmse": 0.0099},
-        "next_recording": None,
+        "next_recording": ADVICE,
         "candidates": [
             row | {"effect": None, "probability": 0.01, "heldout_nrmse": 0.12},
             row | {"effect": "mullins_softening", "probability": 0.95,
@@ -97,11 +98,28 @@ def told(names=("first", "second"), samples=400):
     )
 
 
+ADVICE = {
+    "strain_programme": "load to 40 % and back, twice, at 0.05 /s",
+    "separates": ["mullins_softening", "permanent_set"],
+    "why": "on reloading it is 0.2 MPa or 0.3 MPa",
+    "programme": {"time_s": [0.0, 7.0, 14.0], "strain": [0.0, 0.4, 0.0]},
+    "differ": 0.17,
+    "specimens": 2,
+    "expected": {"sure": 0.72, "gain": 0.5, "error": 0.02},
+    "predictions": [
+        {"if": f"if {name}", "effects": [], "probability": 0.5, "stress": [0.0, y, 0.0]}
+        for name, y in (("softening", 0.2), ("set", 0.3))
+    ],
+    "cheap": {
+        "strain_programme": "repeat first on another specimen",
+        "kind": "repeat",
+        "expected": {"sure": 0.4, "gain": 0.2, "error": 0.02},
+    },
+}
+
+
 def said(result):
     """The result with its sentences made anew."""
-    advice = words.next_recording(result)
-    drawn = {"time_s": [0.0, 7.0, 14.0], "strain": [0.0, 0.4, 0.0]}
-    result["next_recording"] = advice and advice | {"programme": drawn, "differ": 0.17}
     for row in result["candidates"]:
         row["why"] = words.reason(row, result)
     result["answer"] = words.answer(result)
@@ -265,10 +283,22 @@ def test_a_single_recording_is_judged_by_its_parts(tmp_path):
     assert "recordings not used" not in text
 
 
-def test_one_programme_is_drawn_for_two_effects(tmp_path):
+def test_the_next_recording_is_drawn_with_what_each_model_predicts(tmp_path):
     (page,) = write_report(told(), tmp_path)
-    assert page.read_text().count("<polyline") == 1
-    assert "differs by 17 %" in visible(page)
+    assert page.read_text().count("<polyline") == 3  # the programme and two models
+    text = visible(page)
+    assert "if softening (50 %)" in text
+    assert "if set (50 %)" in text
+    assert "That settles it with a probability of 72 %" in text
+    assert "Cheaper: repeat first on another specimen (40 %)" in text
+
+
+def test_models_that_predict_alike_are_said_to_serve_alike(tmp_path):
+    alike = {"programme": None, "expected": None, "predictions": [], "cheap": None}
+    result = changed(next_recording=ADVICE | alike | {"why": "they are the same"})
+    assert "They are the same." in result["answer"]["next"]
+    (page,) = write_report(replace(told(), result=result), tmp_path)
+    assert "<polyline" not in page.read_text()
 
 
 # -- the answer ------------------------------------------------------------------------
@@ -285,31 +315,16 @@ def test_the_answer_is_a_sentence_a_number_and_a_next_step():
         "Permanent set (13 %) would do nearly as well as Mullins softening."
     ]
     assert answer["next"] == (
-        "To tell Mullins softening from permanent set, record reloading to near zero "
-        "strain, where a set stays."
+        "To tell Mullins softening from permanent set, record: load to 40 % and back, "
+        "twice, at 0.05 /s, on 2 specimens (next_recording.csv). That settles it with "
+        "a probability of 72 %. Cheaper, with 40 %: repeat first on another specimen."
     )
 
 
 def test_an_effect_that_may_be_there_beside_a_sure_one_is_asked_for():
-    given = told().result
-    rows = [dict(r) for r in given["candidates"]]
-    for row in rows:
-        if row["effect"] == "permanent_set":
-            row["probability"] = 0.4
-    alone = [e | {"equivalent": []} for e in given["explanations"]]
-    answer = words.answer(given | {"candidates": rows, "explanations": alone})
+    advice = ADVICE | {"separates": ["permanent_set"]}
+    answer = words.answer(told().result | {"next_recording": advice})
     assert answer["next"].startswith("To see whether permanent set is there as well, ")
-
-
-def test_the_likeliest_effect_that_is_not_named_is_asked_for_first():
-    row = {"evidence": 0.0, "heldout_nrmse": 0.1, "alone": True, "together": None}
-    chances = {"mullins_softening": 0.97, "permanent_set": 0.2, "slack": 0.4}
-    rows = [row | {"effect": n, "probability": p} for n, p in chances.items()]
-    result = changed(candidates=[row | {"effect": None, "probability": 0.0}, *rows])
-    result["explanations"][0]["equivalent"] = []
-    advice = words.next_recording(result)
-    # Both may be there beside the softening; slack is told from a set alone.
-    assert advice["separates"] == ["permanent_set", "slack"]
 
 
 @pytest.mark.parametrize(("third", "told_"), [("inertia", True), ("slack", False)])
@@ -421,10 +436,14 @@ def test_what_is_unexplained_is_as_sure_as_that_something_is_missing(
 def test_first_loading_alone_is_not_enough():
     result = changed(
         selected=[], explanations=[], corrected_by=[], verdict="undetermined",
-        shows={"few": False, "only_loading": True},
+        shows={"few": False, "only_loading": True, "noise": False},
+        action="record_unloading",
+        next_recording=ADVICE | {"separates": [], "expected": None, "specimens": 1},
     )  # fmt: skip
     assert "First loading alone does not tell" in result["answer"]["what"]
-    assert "cycles to growing strain" in result["answer"]["next"]
+    assert result["answer"]["next"] == (
+        "Record: load to 40 % and back, twice, at 0.05 /s (next_recording.csv)."
+    )
 
 
 def test_seven_recordings_of_5000_samples_stay_under_6_megabytes(tmp_path):

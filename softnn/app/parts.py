@@ -25,6 +25,7 @@ FILES = {  # beside a model, as they are
     "report.html": "Report",
     "model.json": "Model",
     "diagnosis.json": "All figures",
+    "next_recording.csv": "Next recording",
 }
 HERE = Path(__file__).parent
 SANDBOX = "allow-scripts allow-popups allow-downloads"

@@ -1,4 +1,4 @@
-"""`softnn diagnose`, `softnn simulate` and `softnn demo`: they parse and print."""
+"""`softnn diagnose`, `plan`, `simulate` and `demo`: they parse and print."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from softnn.readers.arguments import add_options, options_of
 if TYPE_CHECKING:
     from softnn.mismatch.batch import Job
 
-__all__ = ["add_demo", "add_diagnose", "add_simulate", "write"]
+__all__ = ["add_demo", "add_diagnose", "add_plan", "add_simulate", "write"]
 
 
 def add_diagnose(commands: Any) -> None:
@@ -122,6 +122,33 @@ def add_simulate(commands: Any) -> None:
     parser.add_argument("--skip", action="append", default=[], metavar="FILE")
     add_options(parser)
     parser.set_defaults(run=simulate)
+
+
+def add_plan(commands: Any) -> None:
+    parser = commands.add_parser(
+        "plan",
+        help="the recording to make next, to tell what a diagnosis could not",
+        description="Compute the strain programme on which the models that a diagnosis "
+        "has left differ most, and write it to next_recording.csv beside "
+        "diagnosis.json. Strains, rates and directions are those recorded so far, "
+        "unless you say what else the machine and the specimen allow.",
+        epilog="Example: softnn plan found/case --minutes 20 --max-strain 0.5",
+    )
+    parser.add_argument("found", metavar="FOUND", help="a folder of softnn diagnose")
+    parser.add_argument(
+        "--minutes", type=float, metavar="N", help="longest duration of the recording"
+    )
+    parser.add_argument(
+        "--max-strain",
+        type=float,
+        metavar="X",
+        help="largest strain, as 0.5 for 50 % (of a component in its own unit)",
+    )
+    parser.add_argument(
+        "--max-rate", type=float, metavar="R", help="largest strain rate, 1/s"
+    )
+    parser.add_argument("--json", action="store_true", help="print the plan as JSON")
+    parser.set_defaults(run=planned)
 
 
 def add_demo(commands: Any) -> None:
@@ -241,6 +268,31 @@ def _run(arguments: argparse.Namespace, out: Path, jobs: list[Job]) -> int:
 def _whole(option: str, value: int, least: int) -> None:
     if value < least:
         raise InputError(f"{option} is {value}; allowed is {least} and above")
+
+
+# -- plan ------------------------------------------------------------------------------
+
+
+def planned(arguments: argparse.Namespace) -> int:
+    from softnn.mismatch import plan, words
+    from softnn.report.phrases import opened
+
+    limits = plan.Limits(arguments.minutes, arguments.max_strain, arguments.max_rate)
+    folder, result = plan.read(Path(arguments.found))
+    found = plan.Alternatives.from_dict(result["alternatives"]).plan(limits)
+    advice = None if found is None else found.to_dict()
+    path = plan.write(found, folder)
+    if arguments.json:
+        print(json.dumps(plain(advice), indent=1))
+        return 0
+    if advice is None:
+        print("Nothing is left to tell: one model has nearly all of the probability.")
+        return 0
+    print(words.record(advice, result))
+    if path is not None:
+        print(f"{opened(advice['why'])}.")
+        print(f"written to {path}")
+    return 0
 
 
 # -- simulate --------------------------------------------------------------------------

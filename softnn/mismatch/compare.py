@@ -33,20 +33,22 @@ Sets = Sequence[frozenset[str]]
 
 
 def shares(errors: Array, sizes: Array) -> Array:
-    """Return the share (sets,) of each set of effects; they sum to 1.
+    """Return the share (..., sets) of each set of effects; they sum to 1.
 
-    `errors` (sets, folds) are NRMSE, `sizes` (sets,) numbers of effects. The mean
+    `errors` (..., sets, folds) are NRMSE, `sizes` (sets,) numbers of effects. The mean
     difference of log errors to the best set, plus `PRICE` for each effect, has a
     standard error; its variance is drawn towards `SPREAD`, since folds are few.
     """
     log = np.log(errors + FLOOR)
-    score = log.mean(axis=1) + PRICE * sizes
-    best, folds = int(score.argmin()), log.shape[1]
-    apart = ((log - log[best]).var(axis=1) * folds + BELIEVED * SPREAD**2) / (
+    score = log.mean(axis=-1) + PRICE * sizes
+    best, folds = score.argmin(axis=-1)[..., None], log.shape[-1]
+    behind = log - np.take_along_axis(log, best[..., None], axis=-2)
+    apart = (behind.var(axis=-1) * folds + BELIEVED * SPREAD**2) / (
         folds + BELIEVED - 1
     )
-    weight = student.sf((score - score[best]) / np.sqrt(apart / folds), folds)
-    return np.asarray(weight / weight.sum())
+    lost = score - np.take_along_axis(score, best, axis=-1)
+    weight = student.sf(lost / np.sqrt(apart / folds), folds)
+    return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True)

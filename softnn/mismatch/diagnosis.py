@@ -13,17 +13,17 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from softnn import glance, progress
-from softnn.axes import SPECIMEN, Axes, common
+from softnn.axes import Axes, common
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
-from softnn.fit.point import with_stress
-from softnn.mismatch import base, families, untaught, written
+from softnn.mismatch import base, families, plan, untaught, written
 from softnn.mismatch.base import Baseline, beyond, usable
 from softnn.mismatch.case import Case, check_case, in_order, to_data
 from softnn.mismatch.decision import TOLERANCE
 from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
-from softnn.model_file import Correction, Stored, from_dict, to_dict
+from softnn.mismatch.plan import Plan
+from softnn.model_file import Correction, Stored, from_dict, in_units, to_dict
 from softnn.models import hyperelastic
 from softnn.models.bases import check
 from softnn.recording import Recording
@@ -105,6 +105,21 @@ class Diagnosis:
         assert isinstance(stored, Stored)
         return stored
 
+    def next_recording(
+        self,
+        minutes: float | None = None,
+        max_strain: float | None = None,
+        max_rate: float | None = None,
+    ) -> Plan | None:
+        """Return the recording that separates the models left; None if one is left.
+
+        Its `time_s` and `strain` are the programme, in the units of `axes`. `minutes`,
+        `max_strain` and `max_rate` (1/s) limit it; None takes what was recorded so far.
+        Raises `InputError` if nothing fits into the limits.
+        """
+        left = plan.Alternatives.from_dict(self.result["alternatives"])
+        return left.plan(plan.Limits(minutes, max_strain, max_rate))
+
     def to_frame(self) -> pd.DataFrame:
         """Return a table of the candidates, a row each, the likeliest first."""
         import pandas as pd
@@ -119,7 +134,10 @@ class Diagnosis:
         return write_report(self, path)[-1]
 
     def save(self, folder: str | Path) -> Path:
-        """Write diagnosis.json, model.json, base.json and the report into `folder`."""
+        """Write diagnosis.json, model.json, base.json and the report into `folder`.
+
+        next_recording.csv is the programme to record next, if there is one.
+        """
         from softnn.json_file import write
 
         progress.stage("writing")
@@ -132,8 +150,12 @@ class Diagnosis:
             write(aside / "base.json", self.base_json)
             self.report(aside)
             write(aside / "diagnosis.json", self.result)
-            for file in ("model.json", "base.json", "report.html", "diagnosis.json"):
-                (aside / file).replace(target / file)  # diagnosis.json last
+            if plan.write(self.next_recording(), aside) is None:
+                (target / plan.FILE).unlink(missing_ok=True)  # of an earlier diagnosis
+            files = ("model.json", "base.json", "report.html", plan.FILE, plan.DONE)
+            for file in files:  # diagnosis.json last
+                if (aside / file).exists():
+                    (aside / file).replace(target / file)
         return target
 
 
@@ -203,13 +225,10 @@ def _diagnose(
     names, fixed = shown.data.names, told.base.fixed
 
     def stored(one: Fit, extra: Correction | None = None) -> dict[str, Any]:
-        if axes.component:
-            known = one.guess, extra, axes
-        else:
-            own = extra and extra.with_stress(axes.stress.one)
-            known = with_stress(one.guess, axes.stress.one), own, SPECIMEN
-        guess, added, units = known
-        return to_dict(guess, names, case.history, fixed, added, source, units)
+        guess, own = in_units(one.guess, axes)
+        if extra is not None and own is not axes:
+            extra = extra.with_stress(axes.stress.one)
+        return to_dict(guess, names, case.history, fixed, extra, source, own)
 
     def stress(one: Fit) -> list[Array]:
         found = shown.by_recording(shown.run(one.guess, False)[0])

@@ -307,88 +307,63 @@ def _structure(result: Result) -> list[str]:
 
 
 def _next(result: Result) -> str:
-    advice = result["next_recording"]
+    """Return what to do next, by the `action` of the decision."""
+    action, advice = result["action"], result["next_recording"]
     mistakes = [e for e in result["explanations"] if effect(e["effect"]).scatter]
     if mistakes:
         them = listed(mistakes[0]["recordings"][:FEW])
         return f"Check cross-section and units of {them}."
-    if advice:
-        separates = [plain(n) for n in advice["separates"]]
-        every = _probability(result)
-        if len(separates) == 2:
-            certain = [every.get(n, 0.0) >= SURE for n in advice["separates"]]
-            alike = frozenset(advice["separates"]) in _equivalent(result)
-            if any(certain) and not alike:  # the other may be there as well
-                return (
-                    f"To see whether {separates[certain[0]]} is there as well, record "
-                    f"{advice['strain_programme']}."
-                )
-            return (
-                f"To tell {separates[0]} from {separates[1]}, record "
-                f"{advice['strain_programme']}."
-            )
-        return f"Record {advice['strain_programme']}."
-    if result["shows"]["few"]:
-        return (
-            "Record more: cycles to growing strain, each amplitude twice, and a hold."
-        )
-    if result["corrected_by"]:
-        return "Simulate with the corrected model, model.json."
-    if result["verdict"] == "nothing_missing":
+    if action == "check_signal":
+        return "Check the force channel: its range, its cable and its zero."
+    if action == "use_simulation":
         return "Use the simulation as it is; its parameters are in base.json."
-    return "Record cycles at other rates and to other strains."
+    said = []
+    if action in ("use_corrected", "use_corrected_and_record"):
+        said.append("Simulate with the corrected model, model.json.")
+    if advice and (advice["expected"] is not None or action != "use_corrected"):
+        said.append(record(advice, result))
+    return " ".join(said)
 
 
-def next_recording(result: Result) -> dict[str, Any] | None:
-    """Return the recording that separates the likeliest effects; None if none can.
-
-    Only effects with a probability of 10 % or more are considered.
-    """
-    every = _probability(result)
-    names = list(every)
-    if not result["selected"] and result["shows"]["only_loading"]:
-        return {
-            "strain_programme": "cycles to growing strain, each amplitude twice, and a "
-            "hold",
-            "separates": names[:3],
-            "why": "effects that look alike on first loading part on the way back",
-        }
-    likely = [n for n in names if every[n] >= LIKELY]
-    open_ = [
-        (first, second)
-        for i, first in enumerate(likely)
-        for second in likely[i + 1 :]
-        if every[second] < SURE
-    ]
-    same = _equivalent(result)
-    # Two named effects rarely replace each other: such pairs come last. First comes the
-    # likeliest of the effects that are not named.
-    named = set(result["selected"])
-    open_.sort(
-        key=lambda pair: (
-            frozenset(pair) not in same,
-            set(pair) <= named,
-            -max((every[n] for n in pair if n not in named), default=0.0),
-        )
+def record(advice: Mapping[str, Any], result: Result) -> str:
+    """Return the recording to make next, what it tells, and how sure that is."""
+    if advice["programme"] is None:
+        return f"{opened(advice['why'])}."
+    asked = (
+        f"record: {advice['strain_programme']}{_times(advice)} (next_recording.csv)."
     )
-    for first, second in open_:
-        text = effect(first).twins.get(second) or effect(second).twins.get(first)
-        if text:
-            return {
-                "strain_programme": text,
-                "separates": [first, second],
-                "why": "the two differ there",
-            }
-    return None
+    if advice["expected"] is None:
+        return opened(asked)
+    text = opened(_purpose(advice["separates"], result) + asked)
+    text += f" {promise(advice['expected'])}"
+    if cheap := advice["cheap"]:
+        chance = sure(cheap["expected"]["sure"])
+        text += f" Cheaper, with {chance}: {cheap['strain_programme']}."
+    return text
 
 
-def _equivalent(result: Result) -> set[frozenset[str]]:
-    """Return the pairs of effects that do nearly as well in place of each other."""
-    return {
-        frozenset((told["effect"], other))
-        for told in result["explanations"]
-        for other in told["equivalent"]
-    }
+def _times(advice: Mapping[str, Any]) -> str:
+    """Return on how many specimens a programme is to be run; "" for one."""
+    return f", on {advice['specimens']} specimens" if advice["specimens"] > 1 else ""
+
+
+def promise(expected: Mapping[str, float]) -> str:
+    """Return how likely a recording settles the question."""
+    return f"That settles it with a probability of {sure(expected['sure'])}."
+
+
+def _purpose(names: Sequence[str], result: Result) -> str:
+    """Return what a recording is for, up to the comma; "" for no effect in question."""
+    if not names or not result["candidates"]:
+        return ""
+    every = _probability(result)
+    others = [n for n, p in every.items() if p >= SURE and n not in names]
+    if len(names) == 1:
+        also = " as well" if others else ""
+        return f"To see whether {plain(names[0])} is there{also}, "
+    if len(names) == 2:
+        return f"To tell {plain(names[0])} from {plain(names[1])}, "
+    return f"To tell {listed([plain(n) for n in names[:MOST]])} apart, "
 
 
 # --- reasons --------------------------------------------------------------------------

@@ -6,7 +6,6 @@ the report.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from platform import python_version
@@ -16,23 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softnn.axes import Axes
-from softnn.contracts import Array, Chunk
-from softnn.effects import effect
+from softnn.contracts import Array
 from softnn.fit import Fit, Piece, fit
-from softnn.mismatch import faults, locate, verify, words
+from softnn.mismatch import faults, locate, plan, verify, words
 from softnn.mismatch.case import Case
 from softnn.mismatch.evidence import changes
 from softnn.mismatch.judgement import Judgement
 from softnn.mismatch.learn import Learned
 from softnn.mismatch.posterior import Tried
 from softnn.mismatch.prediction import SINGLE, Candidate
-from softnn.model_file import Stored, from_dict, to_dict
 from softnn.plausible import understood
 from softnn.recording import data_hash
 from softnn.report import where
 
 VERSION = 1
-PROGRAMME = 400  # samples of an advised strain programme
 
 
 def diagnosis(
@@ -101,6 +97,7 @@ def diagnosis(
             "residual_correlation": verify.whiteness(told.engine, decision.account.fit),
         },
         "next_recording": None,
+        "alternatives": None,
         "candidates": _candidates(told),
         "judged_by": told.judged_by,
         "shows": {
@@ -122,8 +119,10 @@ def diagnosis(
     result["where"] = where.sentences(
         result["mismatch"], len(case.recordings), axes.strain
     )
-    advice = words.next_recording(result)
-    result["next_recording"] = advice and advice | _programme(told, axes, advice)
+    left = plan.alternatives(told, case.history, axes)
+    result["alternatives"] = left.to_dict()
+    advice = left.plan()
+    result["next_recording"] = advice and advice.to_dict()
     for row in result["candidates"]:
         row["why"] = words.reason(row, result)
     result["answer"] = words.answer(result)
@@ -313,74 +312,6 @@ def _nearest(told: Judgement) -> dict[str, Any] | None:
             share = min(max((old - min(own)) / missed, 0.0), 1.0)
             return {"effect": name, "share": share}
     return None
-
-
-def _programme(told: Judgement, axes: Axes, advice: dict[str, Any]) -> dict[str, Any]:
-    """Return the strain programme on which two effects differ most.
-
-    It has time in s and strain (n,) in the unit of the recordings. It goes to their
-    largest strain, in their directions, at their mean temperature. `differ` is the root
-    mean square difference of the two predictions over that of their mean.
-    """
-    # A torn specimen moves on without a stress; no programme should go there.
-    strain = np.concatenate([c.strain for c in told.engine.chunks])[told.engine.valid]
-    low, high = min(float(strain.min()), 0.0), max(float(strain.max()), 0.0)
-    reach, both = max(-low, high), min(-low, high) > locate.BACK * max(-low, high)
-    models = [_with(told, name, advice["separates"]) for name in advice["separates"]]
-    degC = _mean_degC(told.engine.chunks)
-    found: list[tuple[float, Chunk]] = []
-    for name in advice["separates"][:2]:
-        law = effect(name)
-        chunk = law.telltale()
-        size = float(np.abs(chunk.strain).max())
-        pushed = not both and float(chunk.strain.min()) < -locate.RESTING * size
-        if law.needs_temperature or not size > 0 or pushed:
-            continue
-        side = -1.0 if not both and -low > high else 1.0
-        strain = side * reach / size * chunk.strain
-        warm = None if degC is None else np.full(len(strain), degC)
-        chunk = Chunk(chunk.time_s, strain, warm)
-        found.append((_differ(models[:2], chunk), chunk))
-    if not found:
-        return {"programme": None, "differ": None}
-    differ, chunk = max(found, key=lambda f: f[0])
-    pick = np.unique(np.linspace(0, len(chunk.time_s) - 1, PROGRAMME).astype(int))
-    return {
-        "programme": {
-            "time_s": (chunk.time_s - chunk.time_s[0])[pick].tolist(),
-            "strain": (axes.strain.one * chunk.strain)[pick].tolist(),
-        },
-        "differ": differ or None,
-    }
-
-
-def _mean_degC(chunks: Sequence[Chunk]) -> float | None:
-    """Return the mean of all temperatures recorded; None if there are none."""
-    known = [c.temperature_C for c in chunks if c.temperature_C is not None]
-    values = np.concatenate(known) if known else np.array([])
-    values = values[np.isfinite(values)]
-    return float(values.mean()) if values.size else None
-
-
-def _with(told: Judgement, name: str, names: Sequence[str]) -> Stored | None:
-    """Return the best model that has this effect and none of the others."""
-    others = set(names) - {name}
-    own = [a for a in told.candidates if name in a.effects and not a.effects & others]
-    if not own or told.base.fixed:
-        return None
-    guess = max(own, key=told.log_odds).fit.guess
-    stored = from_dict(to_dict(guess, told.engine.data.names, "fresh", False))
-    assert isinstance(stored, Stored)
-    return stored
-
-
-def _differ(models: Sequence[Stored | None], chunk: Chunk) -> float:
-    """Return the RMS difference of two predictions over that of their mean, or 0."""
-    stress = [m.stress(["the next"], [chunk], [None])[0] for m in models if m]
-    if len(stress) < 2:
-        return 0.0
-    a, b = stress
-    return float(verify.nrmse_of((a - b) ** 2, ((a + b) / 2) ** 2))
 
 
 def _structure(learned: Learned, axes: Axes) -> dict[str, Any]:

@@ -126,11 +126,15 @@ def _considered(row: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, 
 
 
 def _sketch(advice: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """Return a drawing of the advised strain programme."""
-    from softnn.report.picture import sketch
+    """Return a drawing of the programme to record, and of the stress predicted."""
+    from softnn.report.picture import predicted, sketch
 
     drawn = advice and advice.get("programme")
-    return sketch(drawn["time_s"], drawn["strain"]) if drawn else None
+    if not (advice and drawn):
+        return None
+    out = sketch(drawn["time_s"], drawn["strain"])
+    out["predicted"] = predicted(drawn["strain"], advice["predictions"])
+    return out
 
 
 def _explained(told: Mapping[str, Any]) -> dict[str, Any]:

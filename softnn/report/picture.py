@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -119,6 +120,38 @@ def sketch(
         "high": high,
         "zero": height * high / max(high - low, 1e-300),
         "corners": ", ".join(f"{t:.3g} {e:.3g}" for t, e in corners(time, y)),
+    }
+
+
+def predicted(
+    strain: ArrayLike,
+    predictions: Sequence[Mapping[str, Any]],
+    width: float = 360.0,
+    height: float = 240.0,
+) -> dict[str, Any] | None:
+    """Return predicted stresses over strain (n,) as points of SVG lines, with ends.
+
+    None without predictions. Each line has the words that say when it holds.
+    """
+    if not predictions:
+        return None
+    x, every = np.asarray(strain, float), [np.array(p["stress"]) for p in predictions]
+    left, right = min(float(x.min()), 0.0), max(float(x.max()), 0.0)
+    low, high = float(np.min(every)), float(np.max(every))
+    across = width * (x - left) / max(right - left, 1e-300)
+    lines = []
+    for told, y in zip(predictions, every, strict=True):
+        down = height * (high - y) / max(high - low, 1e-300)
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, down, strict=True))
+        lines.append({"points": points, "if": told["if"], "sure": told["probability"]})
+    return {
+        "lines": lines,
+        "width": width,
+        "height": height,
+        "low": low,
+        "high": high,
+        "left": left,
+        "right": right,
     }
 
 
