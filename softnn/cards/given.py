@@ -31,7 +31,7 @@ class Given:
 
     `shares` and `times_s` are of the Prony series. `mullins` are r, m and beta of Ogden
     and Roxburgh. `unit` is that of a stress, "" where the file does not say it. `notes`
-    say what was not read, and what was inferred.
+    name keywords that were passed over, and inferences.
     """
 
     dialect: str  # of `softnn.cards.written.WRITERS`
@@ -179,7 +179,7 @@ def numbers(fields: Sequence[str], where: str) -> list[float]:
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a card. Raises `InputError` for what is no text."""
+    """Return the text of a card. Raises `InputError` unless it is text."""
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(

@@ -1,4 +1,4 @@
-"""What is said of a model in a remark of a card or of C."""
+"""Remarks on a model, for a card or for C."""
 
 from __future__ import annotations
 

@@ -57,9 +57,9 @@ class Law:
 
     `moduli` are names and units. `stresses(moduli, stretches)` gives the Kirchhoff
     stresses [MPa], of an incompressible law up to a pressure. `young(moduli)` is the
-    initial modulus [MPa]. `shape` are the free parameters for moduli that are scaled to
-    a modulus of 1; `made` and `read` turn them into moduli and back, for invariants
-    that reach I - 3 = `top` in the recordings. `c` is C of t, the stress along less
+    initial modulus [MPa]. `shape` are the free parameters. `made` turns them into
+    moduli of an initial modulus of 1, and `read` turns these back; `top` is the largest
+    I1 - 3 of the recordings. `c` is C of t, the stress along less
     that across, at a stretch l.
     """
 
