@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter1d
 from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
-from softnn.mismatch.case import Case, mask_failure, mask_gaps, thin, to_data
+from softnn.mismatch.case import Case, mask_failure, mask_gaps, sparse, thin, to_data
 from softnn.models.base import Base
 from softnn.models.bases import build
 from softnn.noise import Noise, estimate, white
@@ -67,7 +67,8 @@ def usable(case: Case, samples: int) -> Case:
 
 def start(case: Case, model: str | Base | None = None) -> Baseline:
     """Return the best fit of the base of a case, from which a search starts."""
-    data, fine, few = (to_data(usable(case, n)) for n in (SEARCH, REPORT, COARSE))
+    good, fine = mask_failure(mask_gaps(case)), to_data(usable(case, REPORT))
+    data, few = (to_data(sparse(good, n)) for n in (SEARCH, COARSE))
     if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
     model = model or case.model

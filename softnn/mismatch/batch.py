@@ -26,6 +26,7 @@ from softnn.mismatch.families import AUTO
 from softnn.models.bases import BASES, check
 from softnn.readers import ReadOptions
 from softnn.readers.lacking import Lacking
+from softnn.readers.options import name_of
 from softnn.workers import workers
 
 FAILED = "error.txt"  # in the folder of a case on which softnn failed
@@ -103,7 +104,7 @@ def case_name(source: Path | tuple[Path, ...]) -> str:
     if isinstance(source, Path):
         return source.resolve().name
     if len(source) == 1:
-        return source[0].name.partition(".")[0] or source[0].name
+        return name_of(source[0])
     return source[0].resolve().parent.name
 
 
