@@ -1,7 +1,8 @@
 r"""What does a diagnosis cost, against the number of samples and of candidate effects?
 
-Forged cases of seven recordings are written down with more and more samples, and
-diagnosed one at a time in this process; then with more and more effects to choose from.
+Cases by other hands, of seven recordings each, are written down with more and more
+samples, and diagnosed one at a time in this process; then with more and more effects to
+choose from.
 Two curves stand over the samples. As it is: the search looks at no more than a thousand
 samples a recording (`thin`: evenly spaced, every reversal kept), and regions, figures
 and errors at no more than six thousand, so beyond these the cost is that of reading.
@@ -21,7 +22,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest import mock
@@ -29,10 +30,15 @@ from unittest import mock
 import numpy as np
 import pandas as pd
 
-from bench.concealed import forge, orders
-from bench.concealed.planting import Planted
-from bench.concealed.settings import Setting
-from bench.concealed.trial import check_names
+from bench.hands.bases import Base
+from bench.hands.drawing import draw_setup, strength_for
+from bench.hands.families import DEVELOPMENT
+from bench.hands.grid import CLEAR
+from bench.hands.noises import given
+from bench.hands.orders import laws_of
+from bench.hands.programmes import Course
+from bench.hands.testing import Planted, Setup, simulate
+from bench.trials.trial import check_names
 from softnn.contracts import InputError
 from softnn.database import Store
 from softnn.mismatch import accounts, base, prediction
@@ -69,48 +75,61 @@ EVERY = 10**9
 
 @dataclass(frozen=True)
 class Specimen:
-    """A forged case before it is sampled."""
+    """A case by other hands before it is sampled."""
 
     effect: str
-    setting: Setting
-    planted: tuple[Planted, ...]
+    setup: Setup
+    planted: Planted
+
+    def sampled(self, samples: int) -> tuple[Setup, list[np.ndarray]]:
+        """The test with so many samples in each recording, and its clean stress."""
+        courses = [resampled(c, samples) for c in self.setup.courses]
+        setup = replace(self.setup, courses=courses)
+        return setup, simulate(setup, self.planted)
 
     def write(self, folder: Path, samples: int, seed: int) -> None:
         """The recordings, each of so many samples at one interval, with white noise."""
-        signals = self.setting.run(self.planted)
-        sigma = LEVEL * float(np.ptp(np.concatenate(signals)))
+        setup, clean = self.sampled(samples)
+        sigma = LEVEL * float(np.ptp(np.concatenate(clean)))
         rng = np.random.default_rng([seed, samples])
         (folder / "recordings").mkdir(parents=True)
-        for i, (p, stress) in enumerate(
-            zip(self.setting.programmes, signals, strict=True)
-        ):
-            t = np.linspace(0, p.time_s[-1], samples)
-            noisy = np.interp(t, p.time_s, stress) + sigma * rng.standard_normal(
-                samples
-            )
+        for i, (c, stress) in enumerate(zip(setup.courses, clean, strict=False)):
             table = {
-                "time_s": t,
-                "strain": np.interp(t, p.time_s, p.strain),
-                "stress_MPa": noisy,
+                "time_s": c.time_s,
+                "strain": c.strain,
+                "stress_MPa": stress + sigma * rng.standard_normal(samples),
             }
             file = folder / "recordings" / f"recording-{i + 1:02d}.csv"
             pd.DataFrame(table).to_csv(file, index=False, float_format="%.8g")
-        (folder / "case.toml").write_text(f'model = "{self.setting.model}"\n')
+        (folder / "case.toml").write_text(f'model = "{self.setup.model}"\n')
+
+
+def resampled(course: Course, samples: int) -> Course:
+    """The same course, read so many times at one interval."""
+    time = np.linspace(course.time_s[0], course.time_s[-1], samples)
+    strain, warmth = (
+        np.interp(time, course.time_s, x) for x in (course.strain, course.warmth_C)
+    )
+    rate = float((samples - 1) / (time[-1] - time[0]))
+    return Course(course.kind, rate, time, strain, warmth)
 
 
 def specimen(effect: str, seed: int) -> Specimen:
     """A case of seven recordings, pl-wiechert, one virgin specimen for each of them."""
-    kind, effects = ("single", (effect,)) if effect else ("null", ())
+    laws = tuple(laws_of(effect, DEVELOPMENT)[:1]) if effect else ()
     for number in range(1000):
-        order = orders.Order("cost", kind, effects, 1.0, seed, number)
-        _, setting, planted = forge.draw_case(order)
-        if (
-            len(setting.programmes) == RECORDINGS
-            and setting.model == "pl-wiechert"
-            and not setting.specimens
-            and not setting.continued
-        ):
-            return Specimen(effect, setting, tuple(planted))
+        rng = np.random.default_rng([seed, number])
+        setup, _, specimens, _ = draw_setup(
+            rng, DEVELOPMENT, laws, "pl-wiechert", number
+        )
+        if setup.n != RECORDINGS or setup.continued or specimens != "none":
+            continue
+        planted: Planted = []
+        if laws:
+            act = laws[0].make(rng, setup)
+            base = Base(setup, given(LEVEL, 0.0, simulate(setup, ())), False)
+            planted = [(act, strength_for(base, act, CLEAR)[0])]
+        return Specimen(effect, setup, planted)
     raise InputError(f"seed {seed} gives no suitable case; try another")
 
 
@@ -351,7 +370,7 @@ def run(a: argparse.Namespace) -> None:
         "cores": os.cpu_count(),
     }
     folder = a.out or results_folder(a.smoke, a.publish)
-    body = {"curves": curves, "timings": rows, "repeats": a.repeats}
+    body = {"curves": curves, "timings": rows, "repeats": a.repeats, "forge": "hands"}
     written = write_result("cost", headline, body, seed=a.seed, folder=folder)
     save_figure(cost_figure(curves), "cost", folder)
     print(f"written to {written}")

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata
 
-from bench.concealed.orders import NAMES
+from bench.hands.families import EFFECTS
 
 SEEN = 40.0  # whitened energy beyond the refitted base; below it nothing is to be seen
 SURE = 0.9  # a name given this probability or more is asserted
@@ -177,7 +177,7 @@ def part(rows: Sequence[Row]) -> dict[str, Any]:
         },
         "effects": {
             e: of_effect(e, listed)
-            for e in NAMES
+            for e in EFFECTS
             if any(e in r["effects"] for r in rows)
         },
     }
@@ -253,7 +253,9 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
 
 def confusion(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
     """Counts, row by truth (single effects, null, alien), column by what is named."""
-    result: dict[str, Counter[str]] = {n: Counter() for n in (*NAMES, "null", "alien")}
+    result: dict[str, Counter[str]] = {
+        n: Counter() for n in (*EFFECTS, "null", "alien")
+    }
     for r in rows:
         if r["cls"] not in ("pair", *APART):
             result["+".join(r["effects"]) or r["cls"]][column(r)] += 1

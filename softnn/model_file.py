@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from softnn import glance
 from softnn.axes import SPECIMEN, Axes, common
@@ -19,7 +21,7 @@ from softnn.fit.point import with_stress
 from softnn.models import bases
 from softnn.models.base import Base
 from softnn.models.bases import number
-from softnn.recording import Recording
+from softnn.recording import Recording, history_of
 from softnn.simulate import Term, simulate
 from softnn.state import FEATURES, features
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 VERSION = 1
 KIND, NETWORK = "softnn-model", "softnn-network"
 HISTORIES = ("fresh", "continued")
+SLACK = 0.01  # of the range of strain; less beyond it needs no warning
 
 
 @dataclass(frozen=True)
@@ -105,16 +108,48 @@ class Stored:
         return glance.model_html(self, max(self.units.reach, key=abs))
 
     def simulate(
-        self, recording: Recording, simulated_MPa: Array | None = None
+        self,
+        history: Recording | ArrayLike,
+        strain: ArrayLike | None = None,
+        *,
+        temperature_C: ArrayLike | None = None,
+        simulated_MPa: Array | None = None,
     ) -> Array:
-        """Return the stress (n,) over the strain of a recording, MPa.
+        """Return the stress (n,) over a strain history, MPa.
 
-        The recording's own stress is not used. For a component both are in its own
-        units, those of `axes`. Values of single recordings are found by name. A model
-        that corrects a simulation from elsewhere needs `simulated_MPa` (n,).
+        `history` is a recording, whose own stress is not used, or times (n,) [s] with
+        `strain` (n,). For a component both are in its own units, those of `axes`.
+        Values of single recordings are found by name. A model that corrects a
+        simulation from elsewhere needs `simulated_MPa` (n,). Warns where the strain
+        leaves the range that the model was made from.
         """
-        common({"the model": self.axes, recording.name: recording.axes})
-        return self.stress([recording.name], [recording.history], [simulated_MPa])[0]
+        name, chunk = history_of(history, strain, temperature_C)
+        if isinstance(history, Recording):
+            common({"the model": self.axes, name: history.axes})
+        if self.leaves(chunk):
+            warnings.warn(f"{name}: {self.range_told()}", stacklevel=2)
+        return self.stress([name], [chunk], [simulated_MPa])[0]
+
+    @property
+    def _range(self) -> tuple[float, float]:
+        low, high = (self.axes.strain.one * x for x in self.units.reach)
+        return low, high
+
+    def leaves(self, chunk: Chunk) -> bool:
+        """Whether a strain history leaves the range that the model was made from."""
+        low, high = self._range
+        slack = SLACK * (high - low)
+        far = chunk.strain.min() < low - slack or chunk.strain.max() > high + slack
+        return bool(far)
+
+    def range_told(self) -> str:
+        """What is said of a strain history that leaves the range."""
+        low, high = self._range
+        unit = f" {self.axes.strain.unit}" if self.axes.component else ""
+        return (
+            f"{self.axes.strain.name} beyond {low:.4g} to {high:.4g}{unit}, which the "
+            "model was made from"
+        )
 
     def stress(
         self,

@@ -13,7 +13,9 @@ No model is used. These are checked:
 from __future__ import annotations
 
 import itertools
+import shlex
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,7 @@ import numpy as np
 from softnn.axes import Axes
 from softnn.contracts import Array, InputError
 from softnn.recording import Recording
-from softnn.start import beginning
+from softnn.start import at_rest, beginning, unloaded
 
 SOFTEST_MPa, STIFFEST_MPa = 1e-3, 2000.0
 STIFF_MPa = 10.0  # few elastomers are stiffer, and a gel of 10 kPa is, in kPa
@@ -30,6 +32,9 @@ STIFF_MPa = 10.0  # few elastomers are stiffer, and a gel of 10 kPa is, in kPa
 TISSUE_MPa, STRETCHES, BEARS_MPa = 100.0, 0.3, 250.0
 STRAIGHT = 0.04  # of the peak stress, off a chord: at a strain of 1 rubber is 0.1 off
 LARGE = 7.0  # of strain: few elastomers reach it
+TINY = 0.005  # of strain: few tests of soft materials stay below it
+ALONE = 0.3  # of a peak, that its neighbours stay below: one wrong sample
+APART_FROM = 0.3  # correlation of strain and stress, below which both are but noise
 # Of strain, where it moves most: a tenth a second in ms, and in min.
 SLOWEST_per_s, FASTEST_per_s = 2e-4, 5.0
 AGAINST = -0.5  # correlation of stress and strain, below which one is reversed
@@ -46,6 +51,11 @@ WHOLE = 0.3  # of it, that a specimen bore just before it tore
 SHARP = 0.1  # of the range of strain and of the time, within which it tears
 SNAPS, MOST = 0.01, 0.6  # the same of a tear from that share of the peak, at any strain
 BEGINS = 0.5  # of the range of strain: a start beyond it with no stress is an offset
+# Of the range of stress, before any strain, in all recordings alike to EQUAL of it: no
+# preload is that large.
+OFF, EQUAL = 0.1, 0.2
+THOUSAND = (300.0, 3000.0)  # between stiffnesses of two files: one is in kPa
+HUNDRED = (30.0, 300.0)  # between their strains as well: one is in per cent
 COUNTED = 5.0  # s between samples in whole numbers, as of a clock in ms
 ALIKE = 0.02  # of the range, within which two strain programmes are one
 FACTOR = 1.4  # up to it, one programme over another is a length; beyond, an amplitude
@@ -64,17 +74,87 @@ KINDS = (
 Tell = Callable[[str, str], None]  # of what, in which column
 
 
+@dataclass(frozen=True)
+class Advice:
+    """What to do about a unit of one recording: the options that act on it.
+
+    `alone`: whether other files are read with it, on which the options must not act.
+    """
+
+    recording: Recording
+    alone: bool = False
+
+    @property
+    def of(self) -> str:
+        """The name of the file, with a colon, where the options are of it alone."""
+        name = Path(self.recording.source).name
+        return f"{name}:" if self.alone and name else ""
+
+    def unit(self, quantity: str, unit: str) -> str:
+        """The option for a unit, e.g. `--unit fast.csv:strain=%`."""
+        return f"--unit {shlex.quote(f'{self.of}{quantity}={unit}')}"
+
+    def flip(self) -> str:
+        one, other = (shlex.quote(f"{self.of}{axis}") for axis in ("strain", "stress"))
+        return f"--flip {one} or --flip {other}"
+
+    def made_of(self, *roles: str) -> str:
+        """The column of the first of the roles that was read, "" where none was."""
+        read = self.recording.log[0].arguments if self.recording.log else {}
+        used = read.get("columns", {})
+        return next((str(used[r]) for r in roles if r in used), "")
+
+    def small(self) -> str:
+        """What to do where a strain is too small for the stress."""
+        travel, strain = self.made_of("displacement"), self.made_of("strain")
+        if travel and not strain:
+            return (
+                f"strain is {travel!r} over a length of "
+                f"{self.recording.geometry.length_mm:.4g} mm: are both in mm?"
+            )
+        if "%" in strain:
+            return f"is strain a fraction ({self.unit('strain', 'mm/mm')})?"
+        return self.pascal()
+
+    def percent(self) -> str:
+        """What to do where the strain may be in per cent, or the length is wrong."""
+        length, travel = self.recording.geometry.length_mm, self.made_of("displacement")
+        if length is None or not travel or self.made_of("strain"):
+            return (
+                f"is strain in per cent? Divide it by 100 ({self.unit('strain', '%')})"
+            )
+        return (
+            f"strain is {travel!r} over a length of {length:.4g} mm: is that length in "
+            "mm (--length MM), and is the unit of the travel right?"
+        )
+
+    def pascal(self) -> str:
+        """What to do where the stress is too large: kPa, a force, or the section."""
+        area, force = self.recording.geometry.area, self.made_of("force")
+        if area is None or not force or self.made_of("stress"):
+            return (
+                f"is stress in kPa ({self.unit('stress', 'kPa')}) or Pa, or a force? "
+                "It must be in MPa"
+            )
+        return (
+            f"stress is {force!r} over a section of {area:.4g} mm2: is that section in "
+            "mm2 (--area MM2; 1 cm2 is 100 mm2), and is the unit of the force right?"
+        )
+
+
 def check_plausible(
     recording: Recording,
     file: str | Path | None = None,
     as_is: bool = False,
     history: str = "fresh",
+    alone: bool = False,
 ) -> list[str]:
     """Return notes on oddities, a line each. Raises `InputError` on impossible values.
 
     A component may have any stiffness and either sign: errors on signs and columns of a
     specimen are notes for a component. An error says what to do. `as_is` accepts the
-    numbers, and returns no notes.
+    numbers, and returns no notes. `alone`: the options that it advises must act on this
+    file alone, since others are read with it.
     """
     good = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
     time = recording.time_s[good]
@@ -84,6 +164,7 @@ def check_plausible(
     axes = recording.axes
     where = file if file is not None else recording.name or None
     notes: list[str] = []
+    advice = Advice(recording, alone)
 
     def refuse(message: str, column: str) -> None:
         end = "" if message.endswith("?") else "."
@@ -95,6 +176,7 @@ def check_plausible(
         notes.append(message)
 
     _still(strain, stress, axes, note if history == "continued" else refuse)
+    _noise(strain, stress, axes, refuse)
     if np.ptp(strain) == 0:
         return [f"{recording.name}: {said}" for said in notes]
     if np.ptp(stress) < STILL:
@@ -104,13 +186,16 @@ def check_plausible(
             "the right one?",
             axes.stress.column,
         )
-    _against(strain, stress, axes, note if axes.component else refuse)
-    _begins(strain, stress, axes, note if axes.component else refuse)
+    _against(strain, stress, axes, advice, note if axes.component else refuse)
+    _begins(strain, stress, axes, advice, note if axes.component else refuse)
     if len(time) >= FEWEST:
         _swapped(time, strain, stress, axes, note if axes.component else refuse)
     if not axes.component:
-        _stiffness(strain, stress, refuse)
-        notes += _notes(time, strain, stress)
+        # A column of strain may be logarithmic, a travel over a length cannot.
+        made = advice.made_of("displacement") and not advice.made_of("strain")
+        _possible(strain, stress, advice, refuse if made else note)
+        _stiffness(strain, stress, advice, refuse)
+        notes += _notes(time, strain, stress, advice)
     return [f"{recording.name}: {said}" for said in notes]
 
 
@@ -128,7 +213,7 @@ def understood(recording: Recording) -> str:
     if len(time) < 2:
         return ""
     axes, rate = recording.axes, fastest(time, strain)
-    span, far = _spelt(time[-1] - time[0]), strain[np.argmax(np.abs(strain))]
+    span, far = spelt(time[-1] - time[0]), strain[np.argmax(np.abs(strain))]
     top = stress[np.argmax(np.abs(stress))]
     if axes.component:
         return (
@@ -145,7 +230,7 @@ def understood(recording: Recording) -> str:
     )
 
 
-def _spelt(seconds: float) -> str:
+def spelt(seconds: float) -> str:
     """A time as one would say it."""
     for size, unit in ((86400, "days"), (3600, "h"), (60, "min")):
         if seconds >= 3 * size:
@@ -175,6 +260,89 @@ def fastest(time: Array, strain: Array) -> float:
     took = time[last] - time[first]
     ramp = float((way[last] - way[first]) / took) if took > 0 else 0.0
     return max(usual_rate(time, strain), ramp)
+
+
+def check_together(recordings: Sequence[Recording]) -> None:
+    """Raise `InputError` where recordings show together that a unit or zero is wrong.
+
+    One of several is in other units; or all begin with the same stress before any
+    strain, as where the load cell was not zeroed.
+    """
+    known = [r for r in recordings if not r.axes.component]
+    if len(known) < 2:
+        return
+    stiffness, reach, initial = (
+        np.array([f(r) for r in known]) for f in (_stiffness_of, _strain_of, _initial)
+    )
+    for i, one in enumerate(known):
+        others = np.arange(len(known)) != i
+        # Of two recordings either may be the wrong one: that of the larger numbers.
+        stiffer = stiffness[i] / float(np.median(stiffness[others]))
+        longer = reach[i] / float(np.median(reach[others]))
+        advice = Advice(one, True)
+        name = one.source or one.name
+        if THOUSAND[0] < stiffer < THOUSAND[1]:
+            raise InputError(
+                f"stiffness is {stiffness[i]:.4g} MPa, {stiffer:.4g} times that of the "
+                f"other recordings; {advice.pascal()}. If it is right, say --as-is",
+                file=name,
+                column="stress_MPa",
+            )
+        softer = float(np.median(initial[others])) / initial[i]
+        if HUNDRED[0] < min(longer, 1 / stiffer, softer) and longer < HUNDRED[1]:
+            raise InputError(
+                f"strain reaches {reach[i]:.4g}, {longer:.4g} times that of the other "
+                f"recordings; {advice.percent()}. If it is right, say --as-is",
+                file=name,
+                column="strain",
+            )
+    if any(r.simulated_MPa is not None for r in known):
+        return  # what a simulation leaves out is asked of the diagnosis
+    begins = [_offset(r) for r in known]
+    if any(b is None for b in begins):
+        return
+    first, size = (np.array(v) for v in zip(*(b for b in begins if b), strict=True))
+    usual = float(np.median(first))
+    if abs(usual) > OFF * size.max() and np.ptp(first) < EQUAL * abs(usual):
+        raise InputError(
+            f"stress begins at {usual:.3g} MPa in all {len(known)} recordings, before "
+            f"any strain, and reaches {size.max():.3g} MPa; if the load cell was not "
+            "zeroed, take that off with --zero-stress. If the specimens bear it, "
+            "say --as-is",
+            column="stress_MPa",
+        )
+
+
+def _finite(recording: Recording) -> tuple[Array, Array]:
+    good = np.isfinite(recording.strain) & np.isfinite(recording.stress_MPa)
+    return recording.strain[good], recording.stress_MPa[good]
+
+
+def _stiffness_of(recording: Recording) -> float:
+    strain, stress = _finite(recording)
+    spans = [float(np.ptp(v)) if len(v) else 0.0 for v in (strain, stress)]
+    return max(spans[1], 1e-300) / max(spans[0], 1e-300)
+
+
+def _initial(recording: Recording) -> float:
+    """Stiffness [MPa] of the first tenth of the strain, before a film yields."""
+    strain, stress = _finite(recording)
+    if len(strain) < FEW or np.ptp(strain) == 0:
+        return 1e-300
+    moved = np.abs(strain - strain[0])
+    at = int(np.argmax(moved >= 0.1 * moved.max()))
+    return max(abs(float(stress[at] - stress[0])), 1e-300) / max(moved[at], 1e-300)
+
+
+def _strain_of(recording: Recording) -> float:
+    return max(float(np.abs(_finite(recording)[0]).max(initial=0.0)), 1e-300)
+
+
+def _offset(recording: Recording) -> tuple[float, float] | None:
+    """Stress before any strain, and the largest; None where it begins strained."""
+    strain, stress = _finite(recording)
+    first = at_rest(strain, stress)
+    return None if first is None else (first, float(np.abs(stress).max()))
 
 
 def scattered(recordings: Sequence[Recording]) -> list[str]:
@@ -297,42 +465,83 @@ def _apart(one: Recording, other: Recording) -> float:
     return float(np.quantile(np.abs(differs), 0.9) / max(float(np.ptp(s)), 1e-300))
 
 
-def _stiffness(strain: Array, stress: Array, refuse: Tell) -> None:
+def _noise(strain: Array, stress: Array, axes: Axes, refuse: Tell) -> None:
+    """Refuse a stress that is but noise, whatever the strain does."""
+    if len(strain) < FEWEST or np.ptp(strain) == 0:
+        return
+    usual = np.clip(
+        stress, *np.quantile(stress, (0.02, 0.98))
+    )  # short of wrong samples
+    if np.ptp(usual) == 0 or white(usual) < WHITE:
+        return
+    if abs(float(np.corrcoef(strain, usual)[0, 1])) > APART_FROM:
+        return  # cycles of a few samples each look alike
+    x, y = axes.strain, axes.stress
+    what, when = f"{y.name} is", f"while {x.name} moves"
+    if white(strain) >= WHITE:
+        what, when = f"{x.name} and {y.name} are", "throughout"
+    refuse(
+        f"{what} noise, of {np.std(usual):.2g} {y.unit} {when}; is the load cell "
+        "connected, and is it the right column?",
+        y.column,
+    )
+
+
+def _possible(strain: Array, stress: Array, advice: Advice, tell: Tell) -> None:
+    """Tell of a specimen shorter than nothing."""
+    if strain.min() > -1:
+        return
+    travel = advice.made_of("displacement")
+    whence = f", made of {travel!r} over the length," if travel else ""
+    tell(
+        f"strain{whence} goes down to {strain.min():.4g}: at -1 the specimen has no "
+        "length left. Is it in per cent, is the sign reversed, or is the length "
+        f"(--length MM) wrong? {advice.unit('strain', '%')}, {advice.flip()}",
+        "strain",
+    )
+
+
+def _stiffness(strain: Array, stress: Array, advice: Advice, refuse: Tell) -> None:
     stiffness = float(np.ptp(stress) / np.ptp(strain))
     allowed = f"soft materials and tissue have {SOFTEST_MPa:g} to {STIFFEST_MPa:g}"
     far = np.ptp(strain) > STRETCHES or np.abs(stress).max() > BEARS_MPa
     if stiffness > STIFFEST_MPa or (stiffness > TISSUE_MPa and far):
+        peak = int(np.argmax(np.abs(stress)))
+        beside = np.abs(stress[[max(peak - 1, 0), min(peak + 1, len(stress) - 1)]])
+        if len(stress) >= FEWEST and beside.max() < ALONE * abs(stress[peak]):
+            refuse(
+                f"stress is {stress[peak]:.4g} MPa in one sample, and "
+                f"{beside.max():.4g} MPa in those beside it; delete that row",
+                "stress_MPa",
+            )
         also = "" if stiffness > STIFFEST_MPa else (
             f", yet a material stiffer than {TISSUE_MPa:g} MPa tears before a strain "
             f"of {STRETCHES:g} or a stress of {BEARS_MPa:g} MPa"
         )  # fmt: skip
         allowed += also
         refuse(
-            f"stiffness is {stiffness:.4g} MPa, {allowed}; is stress in kPa (--unit "
-            "stress=kPa) or Pa, or a force? It must be in MPa",
+            f"stiffness is {stiffness:.4g} MPa, {allowed}; {advice.pascal()}",
             "stress_MPa",
         )
     if stiffness < SOFTEST_MPa:
         large = np.abs(strain).max() > 1
         refuse(
             f"stiffness is {stiffness:.4g} MPa, {allowed}; "
-            + (
-                "is strain in per cent? Divide it by 100 (--unit strain=%)"
-                if large
-                else "is stress in GPa? It must be in MPa"
-            ),
+            + (advice.percent() if large else "is stress in GPa? It must be in MPa"),
             "strain" if large else "stress_MPa",
         )
 
 
-def _against(strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
+def _against(
+    strain: Array, stress: Array, axes: Axes, advice: Advice, tell: Tell
+) -> None:
     together = float(np.corrcoef(strain, stress)[0, 1])
     if together < AGAINST:
         x, y = axes.strain, axes.stress
         tell(
             f"{y.name} falls as {x.name} grows (correlation {together:.2g}); one of "
             "them has its sign reversed: tension is positive, compression negative, in "
-            "both. Turn it with --flip strain or --flip stress",
+            f"both. Turn it with {advice.flip()}",
             x.column,
         )
 
@@ -361,40 +570,37 @@ def loaded_by_stress(time: Array, strain: Array, stress: Array) -> bool:
     return not closed and bent(time, stress) < STRAIGHTER * bent(time, strain)
 
 
-def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
+def _notes(time: Array, strain: Array, stress: Array, advice: Advice) -> list[str]:
     notes = []
     top = float(np.abs(strain).max())
     if top > LARGE:
         notes.append(
-            f"strain reaches {top:.3g}, that is {100 * top:.4g} %; if it is in per "
-            "cent, divide it by 100 (--unit strain=%)"
+            f"strain reaches {top:.3g}, that is {100 * top:.4g} %; {advice.percent()}"
         )
     elif top > 1 and loaded_straight(strain, stress):
         notes.append(
             f"stress grows in a straight line up to a strain of {top:.3g}, which "
-            "rubber does not; if strain is in per cent, divide it by 100 (--unit "
-            "strain=%)"
+            f"rubber does not; {advice.percent()}"
         )
     stiffness = float(np.ptp(stress) / np.ptp(strain))
     if stiffness > STIFF_MPa:
         like = "as of tendon or a plastic" if stiffness > TISSUE_MPa else (
             "more than most elastomers have"
         )  # fmt: skip
-        notes.append(
-            f"stiffness is {stiffness:.3g} MPa, {like}; if stress is in kPa, divide it "
-            "by 1000 (--unit stress=kPa), if it is a force, by the section"
-        )
-    rate = usual_rate(time, strain)
+        far = f", and strain reaches {100 * top:.3g} % at most" if top < TINY else ""
+        how = advice.small() if top < TINY else advice.pascal()
+        notes.append(f"stiffness is {stiffness:.3g} MPa, {like}{far}; {how}")
+    rate = fastest(time, strain)
     counted = np.median(np.diff(time)) >= COUNTED and not np.any(time % 1)
     if 0 < rate < SLOWEST_per_s:
         notes.append(
             f"strain moves by {rate:.2g} 1/s at most; if time is in ms, divide it "
-            "by 1000 (--unit time=ms)"
+            f"by 1000 ({advice.unit('time', 'ms')})"
         )
     elif counted and len(time) >= FEWEST:
         notes.append(
             f"time counts in whole numbers, {np.median(np.diff(time)):g} s apart; if "
-            "they are ms, say --unit time=ms"
+            f"they are ms, say {advice.unit('time', 'ms')}"
         )
     if len(time) >= FEWEST and loaded_by_stress(time, strain, stress):
         notes.append(
@@ -406,10 +612,11 @@ def _notes(time: Array, strain: Array, stress: Array) -> list[str]:
             f"strain moves by {rate:.3g} 1/s; if time is in min or h, "
             "multiply it by 60 or 3600"
         )
-    first = float(np.median(stress[: max(len(stress) // 200, 1)]))
-    if abs(strain[0]) < 0.01 * np.ptp(strain) and abs(first) > 0.5 * np.ptp(stress):
+    first = at_rest(strain, stress)
+    if first is not None and abs(first) > OFF * np.ptp(stress):
         notes.append(
-            f"stress begins at {first:.3g} MPa with no strain; an offset, or a preload?"
+            f"stress begins at {first:.3g} MPa with no strain, an offset or a preload; "
+            "if the load cell was not zeroed, take it off with --zero-stress"
         )
     return notes
 
@@ -443,16 +650,23 @@ def white(values: Array) -> float:
     return float(np.mean(np.diff(values) ** 2)) / (2 * variance) if variance else 0.0
 
 
-def _begins(strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
+def _begins(
+    strain: Array, stress: Array, axes: Axes, advice: Advice, tell: Tell
+) -> None:
     """A strain that begins far from zero with no stress: a ratio, or a position."""
-    first, share = beginning(strain, stress)
+    first, share = beginning(strain, stress, preload=True)
     if share <= BEGINS:
         return
-    x = axes.strain
-    if not axes.component and 0.9 < first < 1.1:
+    x, stretch = axes.strain, 0.9 < first < 1.1
+    if not unloaded(stress) and not stretch:
+        return
+    # A ratio in per cent has no unit of its own.
+    percent = "%" in advice.made_of("strain")
+    ratio = "--zero" if percent else advice.unit("strain", "stretch")
+    if not axes.component and stretch:
         tell(
-            f"strain begins at {first:.4g} with no stress, as a stretch ratio does; if "
-            "it is one, say --unit strain=stretch",
+            f"strain begins at {first:.4g} with little stress, as a stretch ratio does;"
+            f" if it is one, say {ratio}",
             x.column,
         )
         return

@@ -140,6 +140,17 @@ def _tell(told: _Told) -> None:
         told.tell(now)
 
 
+def watched() -> bool:
+    """Whether somebody watches, on a terminal or in a notebook; nothing else tells."""
+    return _TOLD.get() is None and (sys.stderr.isatty() or _notebook())
+
+
+def _notebook() -> bool:
+    shell = sys.modules.get("IPython")
+    name = "" if shell is None else type(shell.get_ipython()).__name__
+    return name == "ZMQInteractiveShell"
+
+
 class Shown:
     """A line on the terminal that says what runs, for how long, and how far it is.
 
@@ -150,7 +161,7 @@ class Shown:
 
     def __init__(self, label: str, quiet: bool = False) -> None:
         self.label, self.quiet = label, quiet
-        self.live = not quiet and sys.stderr.isatty()
+        self.live = not quiet and (sys.stderr.isatty() or _notebook())
         self.now = Progress("", 0, 0.0)
         self.began = self.heard = time.monotonic()
         self.over = threading.Event()

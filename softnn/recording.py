@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from softnn import glance
 from softnn.axes import COMPONENTS, SPECIMEN, Axes, axes_of
@@ -36,6 +37,30 @@ class Geometry:
                     f"geometry {item.name} is {value}; it must be a number above 0"
                 )
 
+    def check(self, where: str, alike: float = 0.02) -> None:
+        """Raise `InputError` where two ways to say the section differ by over 2 %."""
+        sections: dict[str, float] = {}
+        if self.area_mm2 is not None:
+            sections[f"area {self.area_mm2:g} mm2"] = self.area_mm2
+        if self.width_mm is not None and self.thickness_mm is not None:
+            name = (
+                f"width {self.width_mm:g} mm times thickness {self.thickness_mm:g} mm"
+            )
+            sections[name] = self.width_mm * self.thickness_mm
+        if self.diameter_mm is not None:
+            circle = np.pi * self.diameter_mm**2 / 4
+            sections[f"diameter {self.diameter_mm:g} mm"] = circle
+        low, high = (f(sections.values(), default=1.0) for f in (min, max))
+        if high > (1 + alike) * low:
+            told = ", ".join(
+                name if name.startswith("area") else f"{name} is {section:.4g} mm2"
+                for name, section in sections.items()
+            )
+            raise InputError(
+                f"the sizes {where} contradict each other: {told}; leave the wrong one "
+                "out"
+            )
+
     @property
     def area(self) -> float | None:
         """Cross-section in mm2: as given, else width x thickness, else a circle."""
@@ -46,6 +71,43 @@ class Geometry:
         if self.diameter_mm is not None:
             return np.pi * self.diameter_mm**2 / 4
         return None
+
+
+def history_of(
+    history: Recording | ArrayLike,
+    strain: ArrayLike | None = None,
+    temperature_C: ArrayLike | None = None,
+) -> tuple[str, Chunk]:
+    """Return the name and the strain history of a recording, or of times and strains.
+
+    Times (n,) [s] must not go back; strains (n,) are numbers. Raises `InputError`.
+
+    >>> history_of([0, 1, 2], [0, 0.1, 0.2])[1].strain.tolist()
+    [0.0, 0.1, 0.2]
+    """
+    if isinstance(history, Recording):
+        if strain is not None or temperature_C is not None:
+            raise InputError(
+                "a recording has its own strain and temperature; give times and "
+                "strain, or a recording alone"
+            )
+        return history.name, history.history
+    if strain is None:
+        raise InputError("strain is missing; give a recording, or times and strain")
+    columns = [np.asarray(v, dtype=float) for v in (history, strain)]
+    if temperature_C is not None:
+        columns.append(np.asarray(temperature_C, dtype=float))
+    time = columns[0]
+    if any(v.shape != time.shape or v.ndim != 1 for v in columns) or len(time) < 2:
+        raise InputError(
+            f"shapes are {[v.shape for v in columns]}; allowed are rows of one length, "
+            "at least two samples"
+        )
+    if not all(np.isfinite(v).all() for v in columns) or np.any(np.diff(time) < 0):
+        raise InputError(
+            "time, strain and temperature must be numbers, and time must not go back"
+        )
+    return "programme", Chunk(time, columns[1], columns[2] if columns[2:] else None)
 
 
 @dataclass(frozen=True)
@@ -255,9 +317,14 @@ def check_columns(
     backwards = np.diff(time) < 0
     if backwards.any():
         i = int(backwards.argmax()) + 1
+        # To sort would scramble rows of two tests, or of a clock without its zeros.
+        reverse = "sort the rows by time" if np.all(np.diff(time) <= 0) else (
+            "split the file where a new test begins, or number its samples with "
+            "--interval SECONDS"
+        )  # fmt: skip
         fail(
             f"time goes backwards, from {time[i - 1]:.9g} to {time[i]:.9g} s; "
-            "sort the rows or split the file where a new test begins",
+            f"{reverse}",
             i,
             "time_s",
         )

@@ -12,6 +12,7 @@ JUMP = 8.0  # times the largest step after it
 SMALL = 0.003  # of the range: a smaller jump harms nothing
 ALONE = 0.3  # of the jump, each in its own range: the other channel goes along
 REST = 0.05  # of the range of load: the specimen is not loaded yet
+PRELOAD = 0.5  # of the share of travel: a smaller share of load is but a preload
 OFFSET = 0.5  # of the range of travel, beyond which the start is the machine's
 ODD = 0.02  # of it, beyond which the start is reported
 
@@ -67,16 +68,60 @@ def start(values: Array) -> float:
     return float(np.median(good[:resting]))
 
 
+def resting(moved: Array) -> int:
+    """How many first samples of a travel (n,) stand before it moves, at least one.
+
+    >>> resting(np.array([0.0, 0.0, 0.0, 0.1, 0.2])), resting(np.arange(5.0))
+    (3, 1)
+    """
+    span = float(np.nanmax(moved) - np.nanmin(moved)) if len(moved) else 0.0
+    near = ~(np.abs(moved - moved[:1]) > SMALL * span)
+    return len(near) if near.all() else max(int(np.argmin(near)), 1)
+
+
+def at_rest(moved: Array, load: Array) -> float | None:
+    """The load before any travel; None where the travel does not begin at zero.
+
+    >>> at_rest(np.array([0.0, 0.0, 0.1, 0.2]), np.array([0.15, 0.17, 0.3, 0.5]))
+    0.16
+    """
+    span = float(np.ptp(moved)) if len(moved) else 0.0
+    if span == 0 or abs(moved[0]) > 0.01 * span:
+        return None
+    return float(np.median(load[: resting(moved)]))
+
+
 def unloaded(load: Array) -> bool:
     """Whether the load is near zero where the recording starts."""
     good = load[np.isfinite(load)]
     return bool(len(good)) and abs(start(good)) <= REST * float(np.abs(good).max())
 
 
-def beginning(moved: Array, load: Array) -> tuple[float, float]:
-    """Where the travel starts, and that over its range; 0, 0 of a loaded start."""
+def preloaded(moved: Array, load: Array) -> bool:
+    """Whether the load at the start is far too small for the travel there.
+
+    As under a preload, at a position that the machine counts from elsewhere.
+
+    >>> travel = np.array([17.5, 18.7, 19.9, 21.1])
+    >>> preloaded(travel, np.array([1.5, 2.8, 4.1, 5.5])), preloaded(travel, travel)
+    (True, False)
+    """
+    shares = []
+    for values in (moved, load):
+        good = values[np.isfinite(values)]
+        most = float(np.abs(good).max(initial=0.0))
+        shares.append(abs(start(good)) / most if most > 0 else 0.0)
+    return shares[1] < PRELOAD * shares[0]
+
+
+def beginning(moved: Array, load: Array, preload: bool = False) -> tuple[float, float]:
+    """Where the travel starts, and that over its range; 0, 0 of a loaded start.
+
+    `preload`: a load too small for that travel is none.
+    """
     good = moved[np.isfinite(moved)]
-    if len(good) < 2 or not unloaded(load):
+    rests = unloaded(load) or (preload and preloaded(moved, load))
+    if len(good) < 2 or not rests:
         return 0.0, 0.0
     first, span = start(good), float(np.ptp(good))
     return first, abs(first) / span if span > 0 else 0.0

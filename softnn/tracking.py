@@ -44,7 +44,7 @@ from mlflow.store.db.utils import (
 )
 from mlflow.tracking import MlflowClient
 
-from softnn.contracts import InputError
+from softnn.contracts import InputError, nearest
 from softnn.database import made_aside, sqlite_file
 
 for _library in ("mlflow", "alembic"):
@@ -223,7 +223,7 @@ class Tracker:
         them, `about` a sentence on its use. A version that holds the same network is
         used again. A colon or slash in a name becomes a dash, as MLflow allows neither.
         """
-        name = re.sub(r"[:/]", "-", name)
+        name = self.registered(name)
         text = json.dumps(network, sort_keys=True)
         digest = hashlib.sha256(text.encode()).hexdigest()
         with contextlib.suppress(MlflowException):  # there already
@@ -246,6 +246,11 @@ class Tracker:
             self._client.set_registered_model_alias(name, alias, number)
         self._client.update_registered_model(name, self._described(name))
         return str(number)
+
+    @staticmethod
+    def registered(name: str) -> str:
+        """The name of a model as MLflow keeps it."""
+        return re.sub(r"[:/]", "-", name)
 
     def _logged(
         self,
@@ -350,8 +355,11 @@ def fetched(uri: str, tracking: str) -> Path:
     except StopIteration:
         raise InputError(f"{uri!r} holds no network of softnn") from None
     except (MlflowException, OSError) as error:
+        have = [one.name for one in client.search_registered_models()]
+        asked = re.split("[@/]", rest)[0]
+        told = f"; registered there: {', '.join(have) or 'none'}{nearest(asked, have)}"
         raise InputError(
-            f"{uri!r} cannot be loaded from {tracking}: {_line(error)}"
+            f"{uri!r} cannot be loaded from {tracking}: {_line(error)}{told}"
         ) from None
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.concealed import acting, details
-from bench.concealed.unseen import held_errors
 from bench.hands import forging
 from bench.hands.drawing import draw
+from bench.trials import acting, located
+from bench.trials.held import held_errors
 from softnn.fit import Guess
 from softnn.model_file import to_dict
 from softnn.models.units import Units
@@ -138,7 +138,7 @@ def test_held_errors_by_hand(tmp_path):
         (tmp_path / f"{name}.json").write_text(json.dumps(model))
     found = held_errors(tmp_path, tmp_path)
     assert found == {"before": pytest.approx(0.5), "after": pytest.approx(0, abs=1e-12)}
-    assert details.gain({"held": found}) == pytest.approx(0, abs=1e-9)
+    assert located.gain({"held": found}) == pytest.approx(0, abs=1e-9)
 
 
 def test_location_and_gain_counted_by_hand():
@@ -152,7 +152,7 @@ def test_location_and_gain_counted_by_hand():
         row("single", ["slack"], 0.7, 0.1, 0.12),
         {"cls": "pair", "effects": ["inertia", "slack"], "f1": None, "held": None},
     ]
-    found = details.located(rows)
+    found = located.located(rows)
     assert found["region_f1"] == pytest.approx(0.8)
     assert found["region_f1_of"] == 2
     assert found["held_ratio"] == pytest.approx((0.1 + 1.2) / 2)

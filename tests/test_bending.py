@@ -9,9 +9,9 @@ from test_hands import a_setup
 
 from bench.hands import bending
 from bench.hands.drawing import draw
-from bench.hands.families import DEVELOPMENT, Act
+from bench.hands.families import DEVELOPMENT
 from bench.hands.orders import LAWS
-from bench.hands.testing import simulate
+from bench.hands.testing import Act, simulate
 
 
 def test_bends_bend_and_none_bends_nothing():

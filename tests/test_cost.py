@@ -22,14 +22,15 @@ def test_every_recording_has_as_many_samples_as_asked_for(samples, offset, tmp_p
     offset.write(tmp_path / "c", samples, 1)
     case = read_case(tmp_path / "c")
     assert [len(r) for r in case.recordings] == [samples] * cost.RECORDINGS
-    clean = offset.setting.run(offset.planted)
+    setup, clean = offset.sampled(samples)
     sigma = cost.LEVEL * np.ptp(np.concatenate(clean))
-    left = [
-        r.stress_MPa - np.interp(r.time_s, p.time_s, s)
-        for r, p, s in zip(
-            case.recordings, offset.setting.programmes, clean, strict=True
-        )
-    ]
+    left = [r.stress_MPa - s for r, s in zip(case.recordings, clean, strict=True)]
+    for r, c, was in zip(
+        case.recordings, setup.courses, offset.setup.courses, strict=False
+    ):
+        np.testing.assert_allclose(r.time_s, c.time_s, rtol=1e-6)
+        on = np.interp(r.time_s, was.time_s, was.strain)
+        np.testing.assert_allclose(r.strain, on, atol=1e-6)
     assert np.std(np.concatenate(left)) == pytest.approx(sigma, rel=0.1)
 
 

@@ -117,3 +117,43 @@ def test_files_beside_recordings_are_named(field):
     assert [r.name for r in case.recordings] == ["a", "b"]
     for name in ("note.txt", "readme.txt", "~$a.xlsx"):
         assert any(name in note for note in case.notes)
+
+
+@pytest.mark.parametrize("name", ["ordinal", "ring"])
+def test_signs_that_are_typed_for_a_degree(field, name):
+    (one,) = read(field / f"20-celsius-signs/{name}.csv", length_mm=20, area_mm2=10)
+    assert (one.temperature_C.min(), one.temperature_C.max()) == (23, 24)
+
+
+def test_a_marker_line_is_no_specimen(field):
+    case = to_case(field / "21-marker-line", length_mm=5, area_mm2=20, compression=True)
+    assert len(case.recordings) == 3
+    assert case.specimen == {}
+
+
+def test_sizes_and_time_in_polish(field):
+    (one,) = read(field / "23-polish-names/probka.csv")
+    assert (one.geometry.length_mm, one.geometry.area) == (25, 12)
+    assert one.strain.max() == pytest.approx(0.24)
+    assert one.stress_MPa.max() == pytest.approx(0.85)
+    assert one.time_s[1] == 0.5
+
+
+@pytest.mark.parametrize("name", ["actuator", "aktuator"])
+def test_a_position_under_a_preload(field, name):
+    (one,) = read(field / f"24-preload-position/{name}.csv", length_mm=20, area_mm2=10)
+    assert (one.strain.min(), one.strain.max()) == pytest.approx((0, 0.3))
+
+
+def test_thousands_beside_decimal_commas(field):
+    (one,) = read(field / "27-thousands-points/zug.csv", length_mm=5, area_mm2=1000)
+    assert one.force_N[-1] == 1336
+    assert one.stress_MPa[-1] == pytest.approx(1.336)
+
+
+def test_torque_and_angle_of_a_rheometer_are_shear(field):
+    (one,) = read(field / "28-trios-torque-relaxation/gel_relax.txt")
+    assert one.strain.max() == pytest.approx(0.02)
+    assert one.stress_MPa.max() == pytest.approx(32e-6, rel=0.02)
+    assert one.stress_MPa[-1] == pytest.approx(8e-6, rel=0.01)
+    assert one.material == ""

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from bench.concealed.sealing import read_truth
 from bench.hands import again, kernels, noises, programmes, softening
 from bench.hands.bases import Base
 from bench.hands.drawing import AGAIN, draw, draw_setup
-from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES, Act, Law
+from bench.hands.families import DEVELOPMENT, EFFECTS, HELD_OUT, SIDES
 from bench.hands.forging import forge
 from bench.hands.materials import SKELETONS, SPECTRA, Material
 from bench.hands.orders import LAWS, STRANGERS, laws_of
 from bench.hands.programmes import PROGRAMMES, Course
-from bench.hands.testing import Setup, linear_flow, simulate
+from bench.hands.testing import Act, Law, Setup, linear_flow, simulate
+from bench.trials.sealing import read_truth
 
 PLAIN = noises.Noise("white", 0.01, np.full(9, 0.01))
 

@@ -1,16 +1,20 @@
 """The network for rates never seen: what it is chosen by, and what it must not use."""
 
 from dataclasses import replace
+from datetime import datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from bench.architectures.verdict import best_of, sentences, table
+from bench.architectures.verdict import basis, best_of, pm, sentences, table
 from softnn.neural import samples
+from softnn.search import Finished
 from softnn.study import holding
 from softnn.study.holding import errors, held, stacked
 from softnn.study.material_data import Data
 from softnn.study.settings import Settings
+from softnn.study.sweep import Sweep
 from softnn.study.trainer import Trainer
 from tests.test_convex import hold, ramp
 
@@ -144,3 +148,53 @@ def test_what_cannot_be_fitted_is_a_dash_and_never_the_best():
     (known, never), _ = sentences(NETWORKS, CONVEX, [missing], "rate")
     assert "no baseline can be fitted here" in known
     assert "no baseline can be fitted here" in never
+
+
+def test_a_tie_below_the_last_decimal_shows_no_minus_and_no_zero():
+    near = row("PL-SLS", [0.08, 0.09], [0.10004, 0.13994])
+    (_, never), _ = sentences(NETWORKS, CONVEX, [near], "rate")
+    assert "a tie (within 0.1 %)" in never
+    assert "-0.0" not in never
+    assert pm(-0.0001, 0.01) == "0.0 \N{PLUS-MINUS SIGN} 1.0 %"
+
+
+def test_the_folds_are_said_to_be_of_first_loadings():
+    (known, _), _ = sentences(NETWORKS, CONVEX, [NEAR], "rate", "first loadings")
+    assert "by random folds of first loadings; the best baseline" in known
+
+
+def test_it_is_said_what_the_networks_saw_and_how_far_off_they_are_beyond_it():
+    whole = {**NETWORKS[0], "whole": [0.093, 0.099]}
+    how = "--data lab --cycles"
+    shown = {"cycles": False, "unloads": True}
+    said = basis("rubber", shown, whole, how)
+    assert "no network here has seen unloading" in said
+    assert "FFRD4, 17 neurons has 9.3 to 9.9 %" in said
+    assert f'make neurons ARGS="{how}"' in said
+    said = basis("rubber", {"cycles": True, "unloads": True}, whole, how)
+    assert "unloading included" in said
+    assert "--cycles" not in said
+    said = basis("rubber", {"cycles": False, "unloads": False}, whole, how)
+    assert "no recording of rubber unloads" in said
+    assert "as simulated" in table([whole], "rate")
+    assert "9.60 %" in table([whole], "rate")
+
+
+@pytest.mark.parametrize("stopped", [None, 4])
+def test_a_stopped_trial_is_marked_and_has_no_figure_of_a_whole_one(stopped):
+    result = {
+        "generalisation_error": 0.01, "r2_mean": 0.99, "gamma": [1.0], "nrmse": [0.01],
+        "r2": [0.99], "iterations": [3], "seconds": 1.0, "samples": 9, "parameters": 5,
+        "folds": ["1"], "note": "", "stopped_after": stopped,
+    }  # fmt: skip
+    told = []
+    logger = SimpleNamespace(trial=lambda *given, **more: told.append((given, more)))
+    sweep = SimpleNamespace(settings=Settings(), _again=lambda trial: {})
+    now = datetime(2026, 1, 1)
+    trial = Finished(1, {"neurons": 2}, (0.01,), result, now, now, False)
+    Sweep._log(sweep, logger, trial)
+    (((_, _, metrics), more),) = told
+    assert ("nrmse" in metrics) == (stopped is None)
+    assert more["tags"]["stopped"] == (
+        "no" if stopped is None else "after 4 of 10 random folds"
+    )

@@ -217,11 +217,14 @@ def test_one_last_row_back_in_time_may_be_a_mean(tmp_path):
         read(file, **SIZES)
 
 
-def test_channels_in_rows_are_told(tmp_path):
+def test_channels_in_rows_are_turned_and_too_many_are_told(tmp_path):
     lines = [",".join([name, *texts("%.5f", c)]) for name, c in
              zip(HEADER.split(","), (TIME, WAY, LOAD), strict=True)]  # fmt: skip
     (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
-    with pytest.raises(InputError, match=r"channels in rows.*Transpose"):
+    same(tmp_path / "a.csv", **SIZES)
+    long = [line + ",1" * 1000 for line in lines]
+    (tmp_path / "a.csv").write_text("\n".join(long) + "\n")
+    with pytest.raises(InputError, match=r"columns; allowed are 1000.*Transpose"):
         read(tmp_path / "a.csv", **SIZES)
 
 

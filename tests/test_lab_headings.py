@@ -100,8 +100,8 @@ def test_a_data_frame_of_R_does_not_say_what_its_strain_is(tmp_path):
 def test_a_strain_without_unit_beyond_one_is_a_question(tmp_path):
     file = written(tmp_path / "a.csv", "Time (s),Strain,Stress (MPa)", TIME,
                    10 * STRAIN, STRESS)  # fmt: skip
-    (one,) = read(file)
-    assert "if it is in per cent, say --unit 'Strain=%'" in notes(one)
+    with pytest.raises(InputError, match=r"has no unit.*in mm/mm or .*in %"):
+        read(file)
     (one,) = read(file, units={"Strain": "%"})
     np.testing.assert_allclose(one.strain, STRAIN / 10, atol=1e-6)
 

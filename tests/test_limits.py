@@ -15,9 +15,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import norm
 
 from bench import scoring
-from bench.concealed import forge, oracle, orders
+from bench.hands import grid
+from bench.hands.families import EFFECTS, SIDES
+from bench.hands.power import power
+from bench.hands.testing import simulate
 from bench.limits import reporting as limits_report
 from bench.limits import summary
 from bench.limits import trial as limits
@@ -36,7 +40,7 @@ def test_a_case_is_the_same_in_every_grid_that_holds_it():
     assert len(wanted) == 2 * 2 * 2 * 2 * 3 + 2 * 5
     assert len({o.name for o in wanted}) == len(wanted)
     larger = replace(
-        GRID, effects=orders.NAMES, strengths=limits.STRENGTHS, cases=4, nulls=9
+        GRID, effects=EFFECTS, strengths=limits.STRENGTHS, cases=4, nulls=9
     )
     assert set(wanted) <= set(larger.orders())
     assert {o.name for o in wanted}.isdisjoint(
@@ -44,21 +48,49 @@ def test_a_case_is_the_same_in_every_grid_that_holds_it():
     )
     # Cut short anywhere, every cell has had about the same number of cases.
     half = wanted[: len(wanted) // 2]
-    counts = pd.Series([(o.effects, o.strength, o.level) for o in half]).value_counts()
+    counts = pd.Series([(o.effect, o.strength, o.level) for o in half]).value_counts()
     assert counts.max() - counts.min() <= 5
+
+
+def order(effect, strength, level, colour, index=0):
+    return limits.Order(effect, strength, level, colour, index, 12, SIDES[0])
 
 
 def test_a_curve_over_strength_is_one_specimen_with_more_of_the_effect():
     weak, strong = (
-        forge.forge_case(limits.ordered(12, "zero_offset", s, 0.005, "short", 0))
+        grid.at(12, 0, "zero_offset", s, 0.005, limits.COLOURS["short"], SIDES[0])
         for s in (0.1, 1.0)
     )
-    assert weak.answer["base"] == strong.answer["base"]
-    assert weak.answer["noise"]["correlation_s"] == limits.COLOURS["short"]
-    energy = [a.answer["planted"]["zero_offset"]["energy"] for a in (weak, strong)]
-    # An offset is linear: a tenth of it has a hundredth of the energy, but for the
-    # noise, which is a share of the range of stress with the offset in it.
-    assert energy[1] / energy[0] == pytest.approx(100, rel=0.15)
+    for a, b in zip(weak.setup.courses, strong.setup.courses, strict=True):
+        np.testing.assert_array_equal(a.strain, b.strain)
+    assert weak.planted[0][1] == pytest.approx(0.1 * strong.planted[0][1])
+    energy = [c.energies["energy_alone"]["zero_offset"] for c in (weak, strong)]
+    # An offset is linear: a tenth of it has a hundredth of the energy.
+    assert energy[1] / energy[0] == pytest.approx(100, rel=0.1)
+    low, high = (c.energies["oracle_power"][0] for c in (weak, strong))
+    assert low < high
+
+
+def test_strength_one_is_as_clear_for_every_law_and_the_noise_is_as_asked():
+    for effect in ("mullins_softening", "sensor_lag"):
+        case = grid.at(12, 1, effect, 1.0, grid.LEVEL, 0.0, SIDES[0])
+        act, a = case.planted[0]
+        told = case.energies["energy_alone"][effect]
+        assert a == act.limit or told == pytest.approx(grid.CLEAR, rel=0.2)
+        clean = simulate(case.setup, ())
+        span = max(c.max() for c in clean) - min(c.min() for c in clean)
+        np.testing.assert_allclose(case.noise.levels, grid.LEVEL * span)
+    quiet = grid.at(12, 1, "", 1.0, 0.002, 1.0, SIDES[0])
+    assert (quiet.cls, quiet.planted) == ("null", [])
+    assert quiet.noise.times.tolist() == [1.0]
+
+
+def test_power_is_the_false_alarm_at_no_energy_and_a_normal_tail_of_one_parameter():
+    assert power(0.0, 4) == pytest.approx(0.01, rel=1e-6)
+    # One parameter: a two-sided test of a normal mean (any textbook).
+    limit = norm.isf(0.005)
+    exact = norm.sf(limit - 3) + norm.cdf(-limit - 3)
+    assert power(9.0, 1) == pytest.approx(exact, rel=1e-6)
 
 
 def test_every_grid_has_trial_and_development_seeds_alike():
@@ -68,26 +100,24 @@ def test_every_grid_has_trial_and_development_seeds_alike():
     ):
         grid = limits.grid_of(limits.make_parser().parse_args(arguments))
         wanted = grid.orders()
-        assert sum(o.group == "null" for o in wanted) == nulls
-        assert sum(o.group == "single" for o in wanted) == cells
+        assert sum(o.effect == "null" for o in wanted) == nulls
+        assert sum(o.effect != "null" for o in wanted) == cells
 
 
 # --- stopping and going on ------------------------------------------------------------
 
 
-def fake(order: orders.Order) -> dict:
+def fake(order: limits.Order) -> dict:
     """An outcome as the power of the oracle has it: named from strength 1 on."""
-    single = order.group == "single"
+    single = order.effect != "null"
     named = single and order.strength >= 1
-    selected = list(order.effects) if named else []
+    selected = [order.effect] if named else []
     return {
-        "effect": order.effects[0] if single else "null",
+        "effect": order.effect,
         "strength": order.strength,
         "level": order.level,
-        "colour": next(
-            k for k, v in limits.COLOURS.items() if v == order.correlation_s
-        ),
-        "number": order.number,
+        "colour": order.colour,
+        "number": order.index,
         "verdict": "explained" if named else "nothing_missing",
         "selected": selected,
         "equivalent": [],
@@ -98,7 +128,7 @@ def fake(order: orders.Order) -> dict:
         "samples": 1000,
         "base_nrmse": 0.01,
         "sigma_over_true": 1.0 if single else 0.5,
-        "correlation_s": order.correlation_s,
+        "correlation_s": limits.COLOURS[order.colour],
         "seconds": 2.0,
         "error": None,
     }
@@ -108,7 +138,7 @@ def test_stopped_by_ctrl_c_it_goes_on_where_it_was(tmp_path, monkeypatch, capsys
     monkeypatch.chdir(tmp_path)
     called: list[str] = []
 
-    def interrupted(order: orders.Order) -> dict:
+    def interrupted(order: limits.Order) -> dict:
         called.append(order.name)
         if len(called) == 4:
             raise KeyboardInterrupt
@@ -137,8 +167,8 @@ def test_stopped_by_ctrl_c_it_goes_on_where_it_was(tmp_path, monkeypatch, capsys
 
 
 def test_code_is_told_by_what_it_does(tmp_path, monkeypatch):
-    (tmp_path / "concealed").mkdir()
-    file = tmp_path / "concealed" / "x.py"
+    (tmp_path / "hands").mkdir()
+    file = tmp_path / "hands" / "x.py"
     monkeypatch.setattr(limits, "HERE", tmp_path)
     found = []
     for text in ("a = 1\n", "a = (1)  # a remark\n", "a = 2\n"):
@@ -234,12 +264,12 @@ def test_a_case_that_cannot_be_diagnosed_stops_nobody(monkeypatch):
         raise ZeroDivisionError("by nought")
 
     monkeypatch.setattr(diagnosis, "diagnose", broken)
-    row = limits.outcome(limits.ordered(12, "slack", 1.0, 0.01, "white", 0))
+    row = limits.outcome(order("slack", 1.0, 0.01, "white"))
     assert row["error"] == "ZeroDivisionError: by nought"
     assert row["verdict"] == "no diagnosis"
     assert not row["named"]
     assert row["samples"] > 1000
-    assert row["oracle"] == pytest.approx(oracle.power(row["energy"], 7), abs=1e-3)
+    assert row["oracle"] == pytest.approx(power(row["energy"], 6), abs=1e-3)
 
 
 def test_what_could_not_be_told_from_the_name_is_kept():
@@ -253,19 +283,17 @@ def test_what_could_not_be_told_from_the_name_is_kept():
         "selected": ["slack"],
         "explanations": [explanation],
     }
-    answer = {
+    truth = {
+        "cls": "single",
         "effects": ["gain_error"],
-        "group": "single",
-        "planted": {"gain_error": {"oracle_power": 0.5, "energy": 9.0}},
-        "noise": {"correlation_s": 0.0, "level": 0.01},
-        "strength": 1.0,
-        "number": 3,
+        "oracle_power": [0.5],
+        "energy_alone": {"gain_error": 9.0},
+        "noise": {"sigma_MPa": [0.1]},
         "model": "sls",
         "recordings": [{"samples": 10}],
-        "left_nrmse": 0.01,
-        "noise_nrmse": 0.02,
     }
-    row = limits.row_of(answer, found, None)
+    row = limits.row_of(order("gain_error", 1.0, 0.01, "white"), truth, found, None)
+    assert (row["oracle"], row["energy"]) == (0.5, 9.0)
     assert row["equivalent"] == ["gain_error", "zero_offset"]
     assert not row["named"]
 
@@ -331,7 +359,7 @@ def test_smallest_signal_of_the_oracle_is_where_its_power_is_ninety_per_cent():
     # The noncentrality at which a test of one parameter at 1 % has a power of 0.9 is
     # (2.5758 + 1.2816) squared, from the normal quantiles.
     size = pd.Series(np.linspace(0.01, 0.3, 2000))
-    power = pd.Series([oracle.power(1000 * s**2, 1) for s in size])
-    found = summary.smallest_signal(size, power)
+    chance = pd.Series([power(1000 * s**2, 1) for s in size])
+    found = summary.smallest_signal(size, chance)
     assert found == pytest.approx((2.5758 + 1.2816) / np.sqrt(1000), abs=2e-4)
-    assert summary.smallest_signal(size, 0.5 * power) is None
+    assert summary.smallest_signal(size, 0.5 * chance) is None

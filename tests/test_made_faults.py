@@ -15,7 +15,7 @@ from softnn.effects import effect
 from softnn.fit import Guess, Piece
 from softnn.mismatch.case import Case
 from softnn.model_file import to_dict
-from softnn.models.units import Units
+from softnn.models.units import Units, build
 from softnn.simulate import Term, simulate
 
 
@@ -94,8 +94,8 @@ def test_a_slip_in_a_test_that_relaxes_lags_behind_on_its_own_branch():
     taut = time < 33
     fallen = np.abs(true - plain.stress_MPa).max()
     assert fallen > 0.1 * plain.stress_MPa.max()
-    # What the recording does not say costs a fifth of what the slip took.
-    assert np.abs(slid.stress_MPa - true)[taut].max() < 0.2 * fallen
+    # It slides faster than it was ever pulled, which no branch of it has seen.
+    assert np.abs(slid.stress_MPa - true)[taut].max() < 0.3 * fallen
 
 
 def test_a_slip_is_made_only_where_the_recording_tells_what_it_does():
@@ -129,11 +129,15 @@ def test_made_lag_is_one_filter_that_machines_have():
     lagging, values = made("lag", fast)
     told = second_route("sensor_lag", lagging, **values)
     np.testing.assert_allclose(lagging.stress_MPa, told, atol=1e-4)
-    assert values["time_constant_s"] == pytest.approx(0.05 * 5.0)
+    # A filter far faster than the samples changes nothing.
+    np.testing.assert_allclose(
+        made("lag", triangle(), 1e-4)[0].stress_MPa, triangle().stress_MPa, atol=1e-4
+    )
+    assert values["time_constant_s"] == pytest.approx(0.05 * 5.0, rel=0.01)
     slow = triangle(rate=0.001, step=1.0)
     rig = faults.Rig((fast, slow))
     each = [faults.lag(r, 1.0, rig)[1]["time_constant_s"] for r in (fast, slow)]
-    assert each == pytest.approx([0.25, 0.25])
+    assert each == pytest.approx([0.25, 0.25], rel=0.01)
     assert faults.lag(slow, 1.0, faults.Rig((slow,)))[1]["time_constant_s"] == 1.0
 
 
@@ -341,14 +345,27 @@ def bent_case(count=4):
 @pytest.mark.parametrize("name", ["offset", "lag", "slip", "slack", "clip"])
 def test_the_oracle_sees_a_large_fault_and_not_a_hundredth_of_one(name):
     case, fault = bent_case(), faults.FAULTS[name]
-    model = to_dict(Guess(SPRING, np.array([STIFFNESS])), [], "fresh", False)
+    units = build("pl-sls", 0.0, 0.6, 0.1, 10.0)
+    model = to_dict(Guess(units, np.ones(units.columns)), [], "fresh", False)
     seen = []
     for size in (0.01, 3.0):
         copy = faults.faulty(case, fault, size, np.random.default_rng(1))
-        told = oracle.asked(copy, fault, "hooke", model)
+        told = oracle.asked(copy, fault, "pl-sls", model)
         seen.append(told["seen"])
     assert seen == [False, True]
     assert told["after"] < told["before"]
+
+
+def test_readings_at_one_limit_need_no_law_to_be_seen():
+    # A base of many segments bends in place of the limit.
+    case, fault = bent_case(), faults.FAULTS["clip"]
+    copy = faults.faulty(case, fault, 1.0, np.random.default_rng(1))
+    assert oracle.flat(case) < oracle.FLAT <= oracle.flat(copy.case)
+    units = build("pl-sls", 0.0, 0.6, 0.1, 10.0)
+    model = to_dict(Guess(units, np.ones(units.columns)), [], "fresh", False)
+    told = oracle.asked(copy, fault, "pl-sls", model)
+    assert told["chance"] > oracle.CHANCE
+    assert told["seen"]
 
 
 def test_the_oracle_takes_a_section_as_an_outlier_among_siblings():

@@ -53,7 +53,7 @@ def test_what_would_be_answered_wrongly_is_refused(wrong, said):
         (lambda t, e, s: (t, 100 * e, s), "per cent"),
         (lambda t, e, s: (1e3 * t, e, s), "ms"),
         (lambda t, e, s: (t / 120, e, s), "60 or 3600"),
-        (lambda t, e, s: (t, e, 15 * s), "a force, by the section"),
+        (lambda t, e, s: (t, e, 15 * s), "or a force?"),
         (lambda t, e, s: (t, e, s - 7), "offset"),
     ],
 )

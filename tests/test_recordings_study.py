@@ -181,8 +181,10 @@ def test_smoke_runs_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     assert split["unseen"]["ratio"] < 0.2
     with Store(tmp_path / "mlruns/smoke/recordings/rows.sqlite") as store:
         rows = store.rows()
-    # A copy without a fault is the group as it is.
-    assert len(rows) == 5
+    # A copy without a fault is the group as it is; an oracle is asked of the other.
+    assert len(rows) == 6
+    assert found["faults"]["copies"][0]["oracle"]["seen"]
+    assert all("model" not in r for r in found["rows"])
     assert len(found["faults"]["originals"]) == len(found["faults"]["copies"]) == 1
     assert "5 diagnoses, 0 of them at hand" in capsys.readouterr().out
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bench import scoring
-from bench.concealed import details
 from bench.scoring import Truth
+from bench.trials import located
 
 
 @pytest.mark.parametrize(
@@ -154,78 +154,13 @@ def test_a_miss_says_why(row, cause):
 # --- what only the key of the forge can tell ------------------------------------------
 
 
-def answer_of(group: str, *effects: str, power: float = 1.0) -> dict:
-    told = {"oracle_power": power, "power_beside": 1.0, "energy": 900.0}
-    return {
-        "case": "c",
-        "group": group,
-        "effects": list(effects),
-        "planted": {e: told for e in effects},
-        "recordings": [{"name": "recording-01", "samples": 10}],
-        "acts": [[[2, 6]]],
-        "left": [[]],
-        "noise": {"kind": "white", "level": 0.01, "sigma_MPa": 0.003},
-        "unseen": {"clean_MPa": [1.0, 2.0]} if group == "single" else None,
-        "noise_nrmse": 0.02,
-        "left_nrmse": 0.015,
-        "dirty": False,
-        "simulated": False,
-        "history": "fresh",
-    }
-
-
 TIMES = {"recording-01": np.arange(10.0)}
 
 
-def fitted(base: float, verdict: str, *selected: str) -> dict:
-    after = {"nrmse": 0.03, "heldout_nrmse": 0.021}
-    fit = {"before": {"nrmse": base}, "after": after}
-    return said(verdict, *selected) | {"fit": fit}
-
-
-def test_answers_of_the_key_are_truths():
-    two = details.truth_of(answer_of("pair", "slack", "inertia"))
-    assert two == Truth("c", "pair", PAIR, 900, BOTH, "white")
-    hum = details.truth_of(answer_of("unlisted", "hum"))
-    assert (hum.cls, hum.effects, hum.energy) == ("alien", (), 900)
-    assert details.truth_of(answer_of("null")).seen
-
-
 def test_region_f1_by_hand():
-    answer = answer_of("single", "slack")
+    answer = {"recordings": [{"name": "recording-01"}], "acts": [[[2, 6]]]}
     # Truth is samples 2-5; found is 4-8: two shared, two missed, three too many.
     region = {"recording": "recording-01", "start_s": 3.5, "end_s": 8.0}
     d = said("explained", "slack") | {"mismatch": [region]}
-    assert details.region_f1(answer, d, TIMES) == pytest.approx(4 / 9)
-    assert details.region_f1(answer, d, TIMES, "left") is None
-
-
-def test_details_counted_by_hand():
-    cases = [
-        (answer_of("single", "slack"), fitted(0.04, "explained", "slack")),
-        (answer_of("single", "slack"), fitted(0.06, "explained", "slack")),
-        (answer_of("single", "slack", power=0.2), fitted(0.01, "nothing_missing")),
-        # Right, and more: named, but not right.
-        (answer_of("single", "inertia"), fitted(0.049, "explained", *PAIR)),
-        # Without a diagnosis: 0.015 left by the key's refit and 0.02 of noise, 0.025.
-        (answer_of("single", "inertia"), scoring.ABSENT),
-        (answer_of("null"), fitted(0.02, "nothing_missing")),
-        (answer_of("unlisted", "hum"), fitted(0.02, "unexplained")),
-    ]
-    # The error of 0.004 and the noise of 0.003 make 0.005.
-    simulated = [np.array([1.004, 1.996])] + [None] * 6
-    rows = [
-        details.row_of(a, d, TIMES, s)
-        for (a, d), s in zip(cases, simulated, strict=True)
-    ]
-    assert rows[4]["base_nrmse"] == pytest.approx(0.025)
-    found = details.details(rows)
-    single = found["concealment"]["groups"]["single"]
-    got = counts({k: single[k] for k in ("accepted", "named", "right")})
-    assert got == {"accepted": (4, 5), "named": (2, 4), "right": (1, 4)}
-    assert found["power"] == pytest.approx(3 / 4.2)
-    assert found["unseen_over_floor"] == pytest.approx(5 / 3)
-    assert found["unseen_of"] == 1
-    assert found["heldout_over_floor"] == pytest.approx(0.021 / 0.02)
-    assert counts(found["aliens"]) == {"hum": (1, 1)}
-    assert found["aliens_noticed"]["rate"] == 1
+    assert located.region_f1(answer, d, TIMES) == pytest.approx(4 / 9)
+    assert located.region_f1(answer | {"acts": [[]]}, d, TIMES) is None

@@ -38,17 +38,19 @@ from bench.architectures.trials import (
     never,
     space,
 )
-from bench.architectures.verdict import sentences
+from bench.architectures.verdict import basis, sentences
 from bench.architectures.verdict import table as verdict_table
 from softnn import json_file
 from softnn.contracts import InputError
 from softnn.crossval import Folds
+from softnn.metrics import nrmse
 from softnn.neural import StoredNetwork
+from softnn.recording import Recording
 from softnn.search import Finished
 from softnn.study import holding
 from softnn.study.baselines import MODELS, WAYS
 from softnn.study.common import RESULTS, save_figure
-from softnn.study.material_data import Data
+from softnn.study.material_data import Data, recorded, unloads
 from softnn.study.settings import Places, Settings
 from softnn.study.sweep import Sweep
 from softnn.study.trainer import Trainer
@@ -106,7 +108,21 @@ def searched(
             network_row(use, one, anew[use], trainer, rest) for use, one in best.items()
         ]
         rows = [*networks, *rest.rows]
-        said, takes = sentences(networks, rest.convex, rest.baselines, judge.unseen)
+        every = recorded(settings, data)
+        seen = "whole recordings" if data.cycles else "first loadings" if every else ""
+        said, takes = sentences(
+            networks, rest.convex, rest.baselines, judge.unseen, seen
+        )
+        kept = trainer.whole(best["random"].trial.result["configuration"])
+        for_unseen = rest.network(takes)
+        if every:
+            networks[0]["whole"] = whole_errors(kept, every)
+            if takes is rest.convex or takes["model"].startswith("PL"):
+                row = next(r for r in rest.rows if r is takes)
+                row["whole"] = whole_errors(for_unseen, every)
+        shown = {"cycles": data.cycles, "unloads": any(map(unloads, every))}
+        how = f"--data {settings.data} --cycles"
+        trained_on = basis(data.material, shown, networks[0] if every else None, how)
         headline = headline_of(tried, best, anew) | {"take_unseen": takes["model"]}
         for row in rest.rows:
             sweep.beside(row, judge.unseen)
@@ -115,6 +131,7 @@ def searched(
             samples=sum(map(len, data.tensile)),
             unseen=judge.unseen,
             take=said,
+            trained_on=trained_on if every else "",
             choices={use: one.entry(anew[use]) for use, one in best.items()},
             front=rows_of(front(tried), folds=True),
             baselines=rest.baselines,
@@ -130,7 +147,7 @@ def searched(
             sweep.tracker.result(
                 {k: v for k, v in headline.items() if isinstance(v, int | float)}
                 | figures(networks[0], takes),
-                note="\n\n".join([f"**{data.label}**", *said, text]),
+                note="\n\n".join([f"**{data.label}**", *said, trained_on, text]),
                 files=pictures,
                 texts={
                     "front.md": about_front,
@@ -139,15 +156,20 @@ def searched(
                 },
                 tags={
                     "best": "; ".join(f"{k}: {one.words}" for k, one in best.items()),
+                    "model": networks[0]["model"],
                     "take_unseen": takes["model"],
                 },
             )
-        whole = trainer.whole(best["random"].trial.result["configuration"])
-        sweep.register(whole, ["best-random"], said[0])
-        sweep.register(rest.network(takes), ["best-unseen-rate"], said[1])
+        name = sweep.register(kept, ["best-random"], f"{said[0]} {trained_on}")
+        sweep.register(for_unseen, ["best-unseen-rate"], f"{said[1]} {trained_on}")
         from_store = sweep.from_store()
     parts = [about_counts] if compare else []
-    print("\n" + "\n\n".join([data.label, *parts, text, *said]))
+    told = [*said, *[trained_on] * bool(every)]
+    print("\n" + "\n\n".join([data.label, *parts, text, *told]))
+    print(
+        f"\nregistered: models:/{name}@best-random and models:/{name}@best-unseen-rate "
+        f"(softnn simulate 'models:/{name}@best-random' FILE --out DIR)"
+    )
     if from_store:
         print(from_store)
     return found
@@ -174,8 +196,10 @@ class Beside:
         """By random folds drawn with `seed`, by specimen if possible, by what is
         unseen."""
         splits = {"random": trainer.folds("random", "FFRD4", seed)}
-        with contextlib.suppress(InputError):  # one specimen only
-            splits["specimen"] = trainer.folds("specimen", "FFRD4", seed)
+        # Recordings that name no specimen may all be of one.
+        if all(r.specimen for r in data.tensile):
+            with contextlib.suppress(InputError):  # one specimen only
+                splits["specimen"] = trainer.folds("specimen", "FFRD4", seed)
         splits["unseen"] = trainer.folds(unseen, "FFRD4", seed)
         known = trainer.samples("FFRD4")
         say("piecewise models and trees")
@@ -230,13 +254,30 @@ def network_row(
 
 
 def figures(known: Mapping[str, Any], takes: Mapping[str, Any]) -> dict[str, float]:
-    """NRMSE and R2 of what is taken for each use, as the runs of trials name them."""
+    """NRMSE and R2 of the network for recordings one has, as runs of trials name them.
+
+    Those of what is taken for the unseen, another model, have names of their own.
+    """
     return {
         "nrmse": float(np.mean(known["random"])),
         "r2": float(np.mean(known["r2"]["random"])),
-        "nrmse_unseen": float(np.mean(takes["unseen"])),
-        "r2_unseen": float(np.mean(takes["r2"]["unseen"])),
+        "nrmse_unseen": float(np.mean(known["unseen"])),
+        "r2_unseen": float(np.mean(known["r2"]["unseen"])),
+        "take_unseen_nrmse_unseen": float(np.mean(takes["unseen"])),
+        "take_unseen_r2_unseen": float(np.mean(takes["r2"]["unseen"])),
     }
+
+
+def whole_errors(
+    network: StoredNetwork, recordings: Sequence[Recording]
+) -> list[float]:
+    """NRMSE of a network over each whole recording, as `softnn simulate` prints it."""
+    stress = network.stress(
+        [r.name for r in recordings],
+        [r.history for r in recordings],
+        [None] * len(recordings),
+    )
+    return [nrmse(s, r.stress_MPa) for s, r in zip(stress, recordings, strict=True)]
 
 
 def once_more(trainer: Trainer, unseen: str) -> Again:

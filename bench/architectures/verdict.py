@@ -19,9 +19,11 @@ Row = Mapping[str, Any]
 """model, and under "random", "specimen" (perhaps) and "unseen" its NRMSE by fold or why
 there is none; under "r2" the same of R2. `chosen_by` is a use whose folds chose it."""
 
-HEADS = {"random": "random folds", "specimen": "by specimen"}
+HEADS = {"random": "random folds", "specimen": "by specimen", "whole": "as simulated"}
+TWICE = ("random", "unseen")  # splits with R2 beside NRMSE
 BASELINE = "the best baseline"
 POOR = 0.2  # of the stress
+SMALL = 0.0005  # of the stress: what no decimal of a per cent shows
 
 
 def best_of(rows: Sequence[Row], use: str) -> Row | None:
@@ -33,10 +35,14 @@ def best_of(rows: Sequence[Row], use: str) -> Row | None:
 def table(rows: Sequence[Row], unseen: str) -> str:
     """NRMSE of every row by every split, and R2 by random folds and by unseen rate.
 
+    "As simulated" is the network trained on everything over whole recordings, as
+    `softnn simulate` is given them.
+
     A dash stands where no figure is possible, a star where the folds of the column
     chose the network.
     """
-    splits = [s for s in ("random", "specimen", "unseen") if any(s in r for r in rows)]
+    every = ("random", "specimen", "unseen", "whole")
+    splits = [s for s in every if any(s in r for r in rows)]
     heads = HEADS | {"unseen": f"by unseen {unseen}"}
     lines = []
     for row in rows:
@@ -45,10 +51,10 @@ def table(rows: Sequence[Row], unseen: str) -> str:
             star = "*" if split == row.get("chosen_by") else ""
             text = mean(row.get(split))
             cells.append(text and text + star)
-        cells += [mean(row.get("r2", {}).get(s)) for s in splits if s != "specimen"]
+        cells += [mean(row.get("r2", {}).get(s)) for s in splits if s in TWICE]
         lines.append(cells)
     titles = [f"NRMSE, {heads[s]}" for s in splits]
-    titles += [f"R2, {heads[s]}" for s in splits if s != "specimen"]
+    titles += [f"R2, {heads[s]}" for s in splits if s in TWICE]
     text = markdown(["model", *titles], lines)
     if any("*" in (cell or "") for cells in lines for cell in cells):
         text += "\n\n* the folds of this column chose the network: a little flattered"
@@ -71,16 +77,22 @@ def mean(values: Sequence[float] | str | None) -> str | None:
 
 
 def sentences(
-    networks: Sequence[Row], convex: Row | None, others: Sequence[Row], unseen: str
+    networks: Sequence[Row],
+    convex: Row | None,
+    others: Sequence[Row],
+    unseen: str,
+    parts: str = "",
 ) -> tuple[list[str], Row]:
     """One sentence for recordings one has, one for the unseen; the row of the latter.
 
     `networks` are the choices of the search, the first that for recordings one has.
+    `parts`: what of the recordings the folds are of, "" for all.
     """
     first = networks[0]
     rival = best_of(others, "random")
     known = f"For recordings you have, take {first['model']}: {of(first, 'random')} "
-    known += f"by random folds{against(first, rival, 'random')}; "
+    known += f"by random folds{f' of {parts}' if parts else ''}"
+    known += f"{against(first, rival, 'random')}; "
     known += f"at a {unseen} never seen it has {of(first, 'unseen')}"
     takes, rival = never_seen(networks, convex, others)
     gap = compared(first, takes, "unseen")
@@ -152,7 +164,8 @@ def against(one: Row, other: Row | None, use: str, name: str = BASELINE) -> str:
         return ""
     size, error = gap
     if abs(size) <= error:
-        verdict = f"a tie ({pm(size, error)})"
+        small = max(abs(size), error) < SMALL
+        verdict = "a tie (within 0.1 %)" if small else f"a tie ({pm(size, error)})"
     else:
         verdict = f"{'better' if size < 0 else 'worse'} by {pm(abs(size), error)}"
     if not name:
@@ -170,4 +183,40 @@ def of(row: Row, use: str) -> str:
 
 def pm(mean: float, error: float) -> str:
     """Fractions as they are printed, in per cent."""
-    return f"{100 * mean:.1f} \N{PLUS-MINUS SIGN} {100 * error:.1f} %"
+    mean = round(100 * mean, 1) + 0.0  # no minus before a zero
+    return f"{mean:.1f} \N{PLUS-MINUS SIGN} {100 * error:.1f} %"
+
+
+def basis(
+    material: str,
+    shown: Mapping[str, bool],
+    whole: Row | None,
+    how: str,
+) -> str:
+    """What networks were trained on, and how far off they are over whole recordings.
+
+    `shown`: whether they saw whole "cycles", and whether a recording "unloads";
+    `whole`: the row of a network with its NRMSE by recording under "whole"; `how`: the
+    arguments of `make neurons` for whole cycles.
+    """
+    if shown["cycles"]:
+        said = "Trained and tested on whole recordings, unloading included."
+    elif shown["unloads"]:
+        said = (
+            "Trained and tested on first loadings alone, cut at the largest strain: no "
+            "network here has seen unloading."
+        )
+    else:
+        return (
+            f"Trained and tested on first loadings; no recording of {material} unloads."
+        )
+    if whole is not None:
+        errors = [100 * e for e in whole["whole"]]
+        said += (
+            f" Over the whole recordings, as softnn simulate is given them, "
+            f"{whole['model']} has {min(errors):.1f} to {max(errors):.1f} %"
+        )
+        said += " (trained on them)." if shown["cycles"] else "."
+    if not shown["cycles"]:
+        said += f' For networks of whole recordings: make neurons ARGS="{how}".'
+    return said

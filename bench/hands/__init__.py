@@ -1,6 +1,6 @@
 r"""Cases by other hands: published laws, noise and machines of many kinds, two sides.
 
-Nothing in here knows softnn, nor the forge beside it. Every family stands on one side,
+Nothing in here knows softnn. Every family stands on one side,
 development or held out (docs/hands.md), and a case draws from one side only.
 
     families.py     sides, effects, the hooks by which a law acts
@@ -15,5 +15,7 @@ development or held out (docs/hands.md), and a case draws from one side only.
     bending.py      laws that are wrong
     orders.py       what is concealed in which case
     drawing.py      a case
+    grid.py         a case of a chosen strength, in noise of a chosen level and memory
+    power.py        what the likelihood-ratio test sees
     forging.py      cases and answers on disk
 """

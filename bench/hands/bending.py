@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from bench.hands import kernels
-from bench.hands.families import Array, Law, Rng, loguniform
-from bench.hands.testing import Planted, Setup, simulate
+from bench.hands.families import Array, Rng, loguniform
+from bench.hands.testing import Law, Planted, Setup, simulate
 
 LOW, HIGH = 0.2, 5.0  # what a power may make of a stress, at most
 SMALL = 0.02  # of the largest, which powers are taken beside

@@ -14,12 +14,12 @@ import numpy as np
 
 from bench.hands.bases import Base
 from bench.hands.bending import Bends, simulate_bent
-from bench.hands.families import SIDES, Act, Array, Law, Rng, loguniform
+from bench.hands.families import SIDES, Array, Rng, loguniform
 from bench.hands.materials import SKELETONS, draw_material
 from bench.hands.noises import KINDS, Noise, draw_noise
 from bench.hands.orders import CLASSES, MODELS, USUAL, ordered
 from bench.hands.programmes import PROGRAMMES, Course, Habits, Programme, draw_course
-from bench.hands.testing import Planted, Setup, simulate
+from bench.hands.testing import Act, Law, Planted, Setup, simulate
 
 ADEQUATE = 3.0
 ENERGIES = (20.0, 30000.0)

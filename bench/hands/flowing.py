@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from bench.hands import kernels
-from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng, loguniform
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng, loguniform
 from bench.hands.materials import stretched
-
-if TYPE_CHECKING:
-    from bench.hands.testing import Run, Setup
+from bench.hands.testing import Act, Law, Run, Setup
 
 
 def _steps(e: Array) -> Array:

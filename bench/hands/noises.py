@@ -155,3 +155,19 @@ def draw_noise(
             weights=np.array([1 - share]),
         )
     return Noise(kind, fraction, same)
+
+
+def given(level: float, memory_s: float, clean: list[Array]) -> Noise:
+    """Noise of this share of the stress range; `memory_s` correlates it (0: white)."""
+    whole = max(float(c.max()) for c in clean) - min(float(c.min()) for c in clean)
+    same = np.full(len(clean), level * whole)
+    if not memory_s:
+        return Noise("white", level, same)
+    return Noise(
+        "seconds_memory",
+        level,
+        same,
+        white=0.0,
+        times=np.array([memory_s]),
+        weights=np.ones(1),
+    )

@@ -17,7 +17,8 @@ from bench.hands import (
     strangers,
     warming,
 )
-from bench.hands.families import EFFECTS, SIDES, Law
+from bench.hands.families import EFFECTS, SIDES
+from bench.hands.testing import Law
 
 LAWS = (
     *rig.LAWS,

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from bench.hands import kernels
-from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng, some
-from bench.hands.testing import fine
-
-if TYPE_CHECKING:
-    from bench.hands.testing import Setup
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng, some
+from bench.hands.testing import Act, Law, Setup, fine
 
 HAND_S = 0.03  # no machine turns within less
 

@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.special import erf
 
 from bench.hands import kernels
-from bench.hands.families import (
-    DEVELOPMENT,
-    HELD_OUT,
-    Act,
-    Array,
-    Law,
-    Rng,
-    farthest,
-    on_spring_or_whole,
-    reach,
-)
-
-if TYPE_CHECKING:
-    from bench.hands.testing import Run, Setup
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng, farthest, reach
+from bench.hands.testing import Act, Law, Run, Setup, on_spring_or_whole
 
 
 def _works(run: Run) -> tuple[Array, Array, float]:

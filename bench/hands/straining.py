@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from bench.hands import kernels
-from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng
-from bench.hands.testing import linear_flow
-
-if TYPE_CHECKING:
-    from bench.hands.testing import Run, Setup
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng
+from bench.hands.testing import Act, Law, Run, Setup, linear_flow
 
 
 def _bent(s: Setup, form, limit: float, **parameters: float) -> Act:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from bench.hands import kernels
-from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng, some
-
-if TYPE_CHECKING:
-    from bench.hands.testing import Setup
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng, some
+from bench.hands.testing import Act, Law, Setup
 
 
 def lead_screw(rng: Rng, s: Setup) -> Act:

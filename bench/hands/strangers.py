@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from bench.hands import kernels
 from bench.hands.families import (
     DEVELOPMENT,
     HELD_OUT,
-    Act,
     Array,
-    Law,
     Rng,
     farthest,
     loguniform,
     some,
 )
-
-if TYPE_CHECKING:
-    from bench.hands.testing import Run, Setup
+from bench.hands.testing import Act, Law, Run, Setup
 
 
 def _since(run: Run) -> Array:

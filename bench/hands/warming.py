@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from bench.hands.families import DEVELOPMENT, HELD_OUT, Act, Array, Law, Rng
-
-if TYPE_CHECKING:
-    from bench.hands.testing import Run, Setup
+from bench.hands.families import DEVELOPMENT, HELD_OUT, Array, Rng
+from bench.hands.testing import Act, Law, Run, Setup
 
 
 def linear_heat(rng: Rng, s: Setup) -> Act:

@@ -1,6 +1,6 @@
 r"""How small may an effect be and still be named? Its strength swept, beside an oracle.
 
-Each of the nineteen effects is planted in concealed cases (`bench.concealed`) over a
+Each of the nineteen effects is planted in cases by other hands (`bench.hands`) over a
 grid of strengths, noise levels and noise colours, and diagnosed; nulls of every colour
 give the false alarms. Beside each share of cases named stands the power of the oracle:
 the likelihood-ratio test that is told the true form, the programme and the noise.
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import sys
 import tempfile
@@ -28,11 +29,12 @@ from pathlib import Path
 from typing import Any
 
 from bench import scoring
-from bench.concealed import details, orders, sealing
-from bench.concealed.noises import LEVELS
-from bench.concealed.trial import check_names
+from bench.hands import forging, grid
+from bench.hands.families import EFFECTS, SIDES
 from bench.limits.reporting import report
 from bench.limits.summary import CORRELATION_S
+from bench.trials.sealing import FIRST_TRIAL_SEED, read_truth
+from bench.trials.trial import check_names
 from softnn.contracts import InputError
 from softnn.database import Store
 from softnn.study.common import (
@@ -46,9 +48,28 @@ from softnn.study.common import (
 from softnn.workers import workers
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
+LEVELS = (0.002, 0.005, 0.01)  # of noise, shares of the stress range
 COLOURS = CORRELATION_S  # [s], by name
 NULL = "null"
 HERE = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True)
+class Order:
+    """One case of a cell; nothing of it depends on the rest of the grid."""
+
+    effect: str  # or `NULL`
+    strength: float
+    level: float
+    colour: str
+    index: int
+    seed: int
+    side: str
+
+    @property
+    def name(self) -> str:
+        said = json.dumps(asdict(self), sort_keys=True)
+        return "case-" + hashlib.sha256(said.encode()).hexdigest()[:12]
 
 
 @dataclass(frozen=True)
@@ -62,103 +83,88 @@ class Grid:
     colours: tuple[str, ...]
     cases: int
     nulls: int  # of each colour
+    side: str = SIDES[0]
 
-    def orders(self) -> list[orders.Order]:
+    def orders(self) -> list[Order]:
         """All cases, one of every cell before the second of any."""
-        wanted = []
+        wanted, mine = [], (self.seed, self.side)
         for i in range(max(self.cases, self.nulls)):
             for colour in self.colours:
                 if i < self.cases:
                     wanted += [
-                        ordered(self.seed, effect, strength, level, colour, i)
+                        Order(effect, strength, level, colour, i, *mine)
                         for level in self.levels
                         for effect in self.effects
                         for strength in self.strengths
                     ]
                 if i < self.nulls:
                     level = self.levels[i % len(self.levels)]
-                    wanted.append(ordered(self.seed, NULL, 1.0, level, colour, i))
+                    wanted.append(Order(NULL, 1.0, level, colour, i, *mine))
         return wanted
-
-
-def ordered(
-    seed: int, effect: str, strength: float, level: float, colour: str, index: int
-) -> orders.Order:
-    """One case of a cell; its number does not depend on the rest of the grid."""
-    kinds, colours = (*orders.NAMES, NULL), tuple(COLOURS)
-    place = kinds.index(effect) * len(colours) + colours.index(colour)
-    number = (place * 100_000 + round(1e5 * level)) * 10_000 + index
-    single = effect != NULL
-    said = f"{seed} {number} {strength:g}"
-    return orders.Order(
-        "case-" + hashlib.sha256(said.encode()).hexdigest()[:12],
-        "single" if single else NULL,
-        (effect,) if single else (),
-        strength,
-        seed,
-        number,
-        level=level,
-        correlation_s=COLOURS[colour],
-    )
 
 
 # --- one case -------------------------------------------------------------------------
 
 
-def outcome(order: orders.Order) -> dict[str, Any]:
+def outcome(order: Order) -> dict[str, Any]:
     """Forge a case, diagnose what may be seen of it, compare with the answer."""
     from softnn.mismatch.case import read_case
     from softnn.mismatch.diagnosis import diagnose
 
+    effect = grid.NOTHING if order.effect == NULL else order.effect
+    memory, name = COLOURS[order.colour], order.name
+    how = effect, order.strength, order.level, memory, order.side
     with tempfile.TemporaryDirectory() as folder:
-        answer = sealing.write_case(order, Path(folder))
+        place = Path(folder)
+        case = grid.at(order.seed, order.index, *how)
+        forging.write(case, name, place, [order.seed, order.index])
+        truth = json.loads((place / "truth" / name / "truth.json").read_text("utf-8"))
         found: Mapping[str, Any] = scoring.ABSENT
         error = None
         try:
-            found = diagnose(read_case(Path(folder) / order.name), None, 0).result
+            found = diagnose(read_case(place / "cases" / name), None, 0).result
         except Exception as reason:  # counts as not named; the others go on
             error = f"{type(reason).__name__}: {reason}"
-    return row_of(answer, found, error)
+    return row_of(order, truth, found, error)
 
 
 def row_of(
-    answer: Mapping[str, Any], found: Mapping[str, Any], error: str | None
+    order: Order,
+    truth: Mapping[str, Any],
+    found: Mapping[str, Any],
+    error: str | None,
 ) -> dict[str, Any]:
     """What is kept of a case."""
-    effect = answer["effects"][0] if answer["effects"] else NULL
-    planted = answer["planted"].get(effect, {})
-    correlation = answer["noise"]["correlation_s"]
-    return {
-        "effect": effect,
-        "strength": answer["strength"],
-        "level": answer["noise"]["level"],
-        "colour": next(k for k, v in COLOURS.items() if v == correlation),
-        "number": answer["number"],
-        "model": answer["model"],
+    seen = dict(zip(truth["effects"], truth["oracle_power"], strict=True))
+    told = {k: asdict(order)[k] for k in ("effect", "strength", "level", "colour")}
+    return told | {
+        "number": order.index,
+        "model": truth["model"],
         "verdict": found["verdict"],
         "selected": list(found["selected"]),
         "equivalent": sorted(scoring.equivalents(found) - set(found["selected"])),
-        "named": effect in found["selected"],
-        "right": scoring.right(details.hidden_in(answer), found),
-        "oracle": planted.get("oracle_power"),
-        "energy": planted.get("energy"),
-        "samples": sum(r["samples"] for r in answer["recordings"]),
-        "base_nrmse": details.base_nrmse(answer, found),
-        "sigma_over_true": noise_ratio(answer, found),
+        "named": order.effect in found["selected"],
+        "right": scoring.right(read_truth(order.name, truth), found),
+        "oracle": seen.get(order.effect),
+        "energy": truth.get("energy_alone", {}).get(order.effect),
+        "samples": sum(r["samples"] for r in truth["recordings"]),
+        "base_nrmse": found.get("fit", {}).get("before", {}).get("nrmse"),
+        "sigma_over_true": noise_ratio(truth, found),
         "correlation_s": found.get("noise", {}).get("correlation_time_s"),
         "seconds": found.get("seconds"),
         "error": error,
     }
 
 
-def noise_ratio(answer: Mapping[str, Any], found: Mapping[str, Any]) -> float | None:
+def noise_ratio(truth: Mapping[str, Any], found: Mapping[str, Any]) -> float | None:
     """The noise as the diagnosis read it off, over the true one."""
     sigma = found.get("noise", {}).get("sigma_MPa")
-    return None if sigma is None else float(sigma) / answer["noise"]["sigma_MPa"]
+    true = sum(truth["noise"]["sigma_MPa"]) / len(truth["noise"]["sigma_MPa"])
+    return None if sigma is None else float(sigma) / true
 
 
 def outcomes(
-    wanted: Sequence[orders.Order], jobs: int, scheduler: str | None = None
+    wanted: Sequence[Order], jobs: int, scheduler: str | None = None
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Name and outcome of every case, as they come."""
     if jobs == 1 and scheduler is None:
@@ -176,20 +182,19 @@ def outcomes(
 
 def code() -> str:
     """A hash of what makes and diagnoses a case."""
-    forge = (HERE / "concealed").glob("*.py")
-    aside = ("noise_check.py", "reporting.py", "trial.py")
-    used = [Path(scoring.__file__), *(f for f in forge if f.name not in aside)]
-    return code_of([*package_files(), *used])
+    forge = (HERE / "hands").glob("*.py")
+    return code_of([*package_files(), Path(scoring.__file__), *forge])
 
 
 def make_parser() -> argparse.ArgumentParser:
     p = parser("limits", __doc__)
     p.add_argument("--cases", type=int, help="in each cell (10; 2 with --quick)")
     p.add_argument("--nulls", type=int, help="of each colour (400; 30 with --quick)")
-    p.add_argument("--effects", nargs="+", default=orders.NAMES, metavar="EFFECT")
+    p.add_argument("--effects", nargs="+", default=EFFECTS, metavar="EFFECT")
     p.add_argument("--strengths", nargs="+", type=float, metavar="X")
     p.add_argument("--levels", nargs="+", type=float, metavar="X", help="of noise")
     p.add_argument("--colours", nargs="+", default=tuple(COLOURS), choices=COLOURS)
+    p.add_argument("--side", choices=SIDES, default=SIDES[0], help="of the laws")
     p.add_argument("--quick", action="store_true", help="one level, few cases")
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     p.add_argument("--scheduler", metavar="tcp://...", help="of a Dask cluster")
@@ -209,53 +214,58 @@ def grid_of(a: argparse.Namespace) -> Grid:
     """The grid asked for; --smoke asks for one case and one null."""
     check_names(a.effects)
     if a.smoke:
-        return Grid(a.seed, ("zero_offset",), (1.0,), (0.005,), ("white",), 1, 1)
+        return Grid(
+            a.seed, ("zero_offset",), (1.0,), (0.005,), ("white",), 1, 1, a.side
+        )
     few = a.quick
-    grid = Grid(
+    asked = Grid(
         a.seed,
-        tuple(n for n in orders.NAMES if n in a.effects),
+        tuple(n for n in EFFECTS if n in a.effects),
         tuple(sorted(set(a.strengths or (STRENGTHS[1:] if few else STRENGTHS)))),
         tuple(sorted(set(a.levels or (LEVELS[1:2] if few else LEVELS)))),
         tuple(c for c in COLOURS if c in a.colours),
         (2 if few else 10) if a.cases is None else a.cases,
         (30 if few else 400) if a.nulls is None else a.nulls,
+        a.side,
     )
-    if min(grid.strengths) <= 0 or not 0 < min(grid.levels) <= max(grid.levels) < 0.5:
+    levels = asked.levels
+    if min(asked.strengths) <= 0 or not 0 < min(levels) <= max(levels) < 0.5:
         raise InputError("--strengths must be above 0, --levels between 0 and 0.5")
-    if min(grid.cases, grid.nulls, grid.seed) < 0 or a.jobs < 1:
+    if min(asked.cases, asked.nulls, asked.seed) < 0 or a.jobs < 1:
         raise InputError("--cases, --nulls and --seed must be 0 or more, --jobs 1")
-    return grid
+    return asked
 
 
 def run(a: argparse.Namespace) -> None:
-    grid = grid_of(a)
+    asked = grid_of(a)
     home = runs_folder(a.smoke)
-    file = a.store or home / "limits" / f"seed-{grid.seed}.sqlite"
+    file = a.store or home / "limits" / f"seed-{asked.seed}.sqlite"
     with Store(file, code()) as store:
-        wanted = grid.orders()
+        wanted = asked.orders()
         if not a.report:
             fill(store, wanted, 1 if a.smoke else a.jobs, a.scheduler)
         rows = pick(store.rows(), wanted)
     if not rows:
         raise InputError(f"{store.path} holds no case of this grid and this code")
-    whole = len(rows) == len(wanted) and grid.effects == orders.NAMES
+    whole = len(rows) == len(wanted) and asked.effects == EFFECTS
     record = {
-        "grid": asdict(grid),
+        "grid": asdict(asked),
+        "forge": "hands",
         "commit": commit(),
         "cases": len(rows),
         "missing": len(wanted) - len(rows),
         "smoke": a.smoke,
         "published": a.publish
         and whole
-        and grid.seed >= orders.FIRST_TRIAL_SEED
+        and asked.seed >= FIRST_TRIAL_SEED
         and not a.smoke,
     }
-    report(rows, record, home / "limits" / f"seed-{grid.seed}", a.tracking)
+    report(rows, record, home / "limits" / f"seed-{asked.seed}", a.tracking)
 
 
 def fill(
     store: Store,
-    wanted: Sequence[orders.Order],
+    wanted: Sequence[Order],
     jobs: int,
     scheduler: str | None = None,
 ) -> None:
@@ -274,7 +284,7 @@ def fill(
 
 
 def pick(
-    rows: Mapping[str, dict[str, Any]], wanted: Iterable[orders.Order]
+    rows: Mapping[str, dict[str, Any]], wanted: Iterable[Order]
 ) -> list[dict[str, Any]]:
     """Rows of the grid, in its order: how they came about makes no difference."""
     return [rows[order.name] for order in wanted if order.name in rows]

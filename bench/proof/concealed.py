@@ -1,19 +1,19 @@
-"""The page's sections on concealed cases."""
+"""The page's sections on the trials of the first forge, which is archived."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from bench.concealed import reporting
-from bench.concealed.orders import NAMES
+from bench.hands.families import EFFECTS
 from bench.reporting import ends, share
 from bench.scoring import Rate
+from bench.trials import reporting
 from softnn.study.common import COLOURS, FAINT, made_with, markdown, new_figure, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-from bench.proof.page import Page, Result
+from bench.proof.page import OTHER, Page, Result
 
 # Unlisted kinds that a law in softnn.mismatch.strangers was written for, knowing them.
 WITH_LAWS = (
@@ -26,6 +26,7 @@ WITH_LAWS = (
 )
 
 
+ARCHIVED = "5c3d323"  # the last commit that has the forge of these trials
 KINDS = (
     "A *null* case has no concealed effect, a *single* case one, a *pair* two. An "
     "*alien* case has an effect that is not on softnn's list (in the tables: on no "
@@ -45,6 +46,12 @@ def trials_of(found: Result) -> list[Result]:
 
 def concealed(page: Page, found: Result) -> None:
     trials = trials_of(found)
+    page.say(
+        "These trials were made by a first generator of cases, which shared families "
+        f"of laws with its tests. It is archived: commit {ARCHIVED} has its code, and "
+        "the trials are as they were published. Cases made by other people replace it: "
+        + OTHER
+    )
     for t in trials:
         record = t["record"]
         groups = t["all"]["naming"].items()
@@ -124,8 +131,8 @@ def concealed_figure(trials: Sequence[Result]) -> Figure:
     axes = figure.subplots()
     for i, t in enumerate(trials):
         effects = t["all"]["effects"]
-        entries = [(n, e) for n in NAMES if (e := effects.get(n)) and e["of"]]
-        y = [NAMES.index(n) + 0.16 * (2 * i - len(trials) + 1) for n, _ in entries]
+        entries = [(n, e) for n in EFFECTS if (e := effects.get(n)) and e["of"]]
+        y = [EFFECTS.index(n) + 0.16 * (2 * i - len(trials) + 1) for n, _ in entries]
         x = [e["rate"] for _, e in entries]
         axes.errorbar(
             x,
@@ -137,8 +144,8 @@ def concealed_figure(trials: Sequence[Result]) -> Figure:
             elinewidth=0.8,
             label=f"strength {strength_of(t):g}",
         )
-    axes.set_yticks(range(len(NAMES)), [n.replace("_", " ") for n in NAMES])
-    axes.set_ylim(len(NAMES) - 0.5, -0.5)
+    axes.set_yticks(range(len(EFFECTS)), [n.replace("_", " ") for n in EFFECTS])
+    axes.set_ylim(len(EFFECTS) - 0.5, -0.5)
     axes.set_xlim(-0.02, 1.02)
     axes.set_xlabel("cases in which the effect was named, and nothing else")
     axes.grid(axis="x", color=FAINT, alpha=0.3, linewidth=0.6)

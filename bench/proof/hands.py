@@ -7,9 +7,9 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from bench import ledger
-from bench.concealed import noise_check, reporting
 from bench.reporting import ends, share
 from bench.scoring import CLASSES, SEEN
+from bench.trials import noise_check, reporting
 from softnn.study.common import COLOURS, FAINT, INK, made_with, markdown, new_figure
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from typing import Any
 from bench.cost import cost_figure
 from bench.proof.page import Page, Result
 from bench.recordings import history
+from bench.recordings.reporting import FAULT_HEADS, fault_rows
 from bench.reporting import share
 from softnn.models.bases import BASES
 from softnn.study.common import made_with, markdown, percent
@@ -79,16 +80,17 @@ def recordings(page: Page, found: Result) -> None:
         )
     faults = found.get("faults")
     if faults:
-        entries = [*faults["by_fault"].items(), ("all", faults["found"])]
-        entries.append(("a false name", faults["with_a_false_name"]))
-        entries.append(("a new name, nothing made", faults["new_without_a_fault"]))
-        cells = [[name, share(e), e["of"]] for name, e in entries]
         page.say(
             "Faults were added to copies of real recordings; softnn should find them "
             f"beside the effects of the material. {made_with(faults)}",
-            markdown(["fault", "found", "copies"], cells),
+            markdown(FAULT_HEADS, fault_rows(faults)),
             "A false name is a name that the diagnosis of the original does not have. "
-            "In the last row the copy has no fault but lacks a recording.",
+            "In the copies with one recording less nothing was made.",
+            "An oracle knows the law of a fault and its recordings. It sees the fault "
+            "if this law, beside the effects of the original, predicts better than the "
+            "scatter of the folds; what it does not see, nobody can find."
+            if "seen_by_oracle" in faults
+            else "",
         )
         missed(page, faults)
 
@@ -110,7 +112,7 @@ def missed(page: Page, faults: Mapping[str, Any]) -> None:
         "In some sets the corrected model of the original predicts left-out recordings "
         f"within {percent(faults['close'], 0)} of their range. There "
         f"{share(close) or '-'} of {close['of']} faults were found. All faults that "
-        "were missed:"
+        "were missed (* where no oracle sees them):"
     )
     for c in faults["copies"]:
         if not (c["found"] or c["there_before"]):
@@ -119,7 +121,7 @@ def missed(page: Page, faults: Mapping[str, Any]) -> None:
         [
             f"{name} {group}".strip(),
             percent(left),
-            "; ".join(f"{c['fault']}: {', '.join(c['said'])}" for c in copies),
+            "; ".join(map(told, copies)),
         ]
         for (name, group, left), copies in sorted(
             lost.items(), key=lambda kv: -(kv[0][2] or 0)
@@ -127,6 +129,12 @@ def missed(page: Page, faults: Mapping[str, Any]) -> None:
     ]
     heads = ["recordings", "error without a fault", "fault: names or verdict"]
     page.say(markdown(heads, rows) if rows else "")
+
+
+def told(copy: Mapping[str, Any]) -> str:
+    """A fault that was missed and what was said; * where an oracle misses it too."""
+    mark = " *" if copy.get("seen") is False else ""
+    return f"{copy['fault']}{mark}: {', '.join(copy['said'])}"
 
 
 def cost(page: Page, found: Result) -> None:

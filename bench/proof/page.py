@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COMMANDS = {  # of the result files the page is made of
-    "concealed": "python -m studies.concealed",
+    "concealed": "archived; see git",
     "hands": "python -m studies.concealed --hands held-out",
     "ledger": "python -m studies.concealed",
     "stability": "python -m studies.stability",

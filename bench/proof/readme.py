@@ -68,12 +68,12 @@ def on_real(real: dict[str, Any]) -> list[list[str]]:
         faults and faults["commit"] == real["commit"]
     ):  # those of an older engine are not
         found, false = faults["found"], faults["with_a_false_name"]
-        rows.append(
-            [
-                "... faults put into copies: found; copies with a false name",
-                f"{found['right']} of {found['of']}; {false['right']} of {false['of']}",
-            ]
-        )
+        words = "... faults put into copies: found; copies with a false name"
+        if "found_of_seen" in faults:
+            found = faults["found_of_seen"]
+            words = "... faults that can be found: found; copies with a false name"
+        told = f"{found['right']} of {found['of']}; {false['right']} of {false['of']}"
+        rows.append([words, told])
     return rows
 
 

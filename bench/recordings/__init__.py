@@ -5,7 +5,8 @@
     groups.py      recordings that belong together; which are fitted, which predicted
     predict.py     a diagnosis held against recordings that it has not seen
     faults.py      faults of a rig or a channel, made in copies of real recordings
-    store.py       finished diagnoses, to go on with
+    slip.py        what a recording would be, had the specimen slipped
+    oracle.py      what a fit gains that knows the fault: which can be found at all
     virtual.py     a made-up set for --smoke
     reporting.py   tables, result file, figures, MLflow
     trial.py       the command

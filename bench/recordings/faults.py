@@ -22,7 +22,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -72,7 +71,8 @@ class Fault:
     `make` takes a recording, the size and the rig. `share` of the recordings have it
     (rounded, at least one), of those that `can`; with `own_scale` it cannot be seen
     where each recording has a scale of its own, with `among` only where `SIBLINGS`
-    specimens are there to stand out from, with `held` only in a hold.
+    specimens are there to stand out from, with `held` only in a hold. With `flat` the
+    readings stay at one limit, which anybody sees.
     """
 
     effect: str
@@ -82,6 +82,7 @@ class Fault:
     own_scale: bool = False
     among: bool = False
     held: bool = False
+    flat: bool = False
     can: Callable[[Recording], bool] = lambda recording: True
 
     def shows(self, recordings: Sequence[Recording], specimens: bool) -> bool:
@@ -119,22 +120,13 @@ def slack(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Value
     quiet = noise(recording.stress_MPa) * np.random.default_rng(len(time)).normal(
         size=len(lead)
     )
-    begun: dict[str, Any] = {
-        "time_s": lead,
-        "strain": recording.strain[0] + way * gap * lead / to_close,
-        "stress_MPa": recording.stress_MPa[0] + quiet,
-    }
-    after: dict[str, Any] = {
-        "time_s": time - time[0] + to_close,
-        "strain": recording.strain + way * gap,
-        "stress_MPa": recording.stress_MPa,
-    }
-    if recording.temperature_C is not None:
-        begun["temperature_C"] = np.full(len(lead), recording.temperature_C[0])
-        after["temperature_C"] = recording.temperature_C
-    joined: dict[str, Any] = {k: np.concatenate([begun[k], after[k]]) for k in after}
+    closing = recording.strain[0] + way * gap * lead / to_close
+    warm = recording.temperature_C
     return Recording(
-        **joined,
+        np.concatenate([lead, time - time[0] + to_close]),
+        np.concatenate([closing, recording.strain + way * gap]),
+        np.concatenate([recording.stress_MPa[0] + quiet, recording.stress_MPa]),
+        None if warm is None else np.concatenate([np.full(len(lead), warm[0]), warm]),
         name=recording.name,
         specimen=recording.specimen,
         test=recording.test,
@@ -165,12 +157,15 @@ def lag(recording: Recording, size: float, rig: Rig) -> tuple[Recording, Values]
     """First order; one filter for all recordings."""
     time = recording.time_s
     constant = size * min(0.05 * rig.loading_s, SLOWEST_S)
-    out = np.array(recording.stress_MPa)
+    stress = recording.stress_MPa
+    out = np.array(stress)
     for i in range(1, len(out)):
-        gone = 1 - np.exp(-(time[i] - time[i - 1]) / constant)
-        middle = 0.5 * (recording.stress_MPa[i] + recording.stress_MPa[i - 1])
-        if np.isfinite(middle) and np.isfinite(out[i - 1]):
-            out[i] = out[i - 1] + gone * (middle - out[i - 1])
+        step = max(time[i] - time[i - 1], 1e-12)
+        # Exact for a stress that is straight between samples.
+        behind = constant * (stress[i] - stress[i - 1]) / step
+        before = out[i - 1] - stress[i - 1] + behind
+        if np.isfinite(before):
+            out[i] = stress[i] - behind + before * np.exp(-step / constant)
     values = {"time_constant_s": constant, "quality_squared": 0.0}
     return changed(recording, out), values
 
@@ -219,7 +214,7 @@ FAULTS = {
         "slack", slack, 0.5, "a gap of 5 % of the largest strain", can=slips.one_sided
     ),
     "offset": Fault("zero_offset", offset, 0.34, "5.5 % of the peak stress"),
-    "clip": Fault("load_cell_saturation", clip, 1.0, "at 78 % of the peak stress"),
+    "clip": Fault("load_cell_saturation", clip, 1.0, "at 78 % of the peak", flat=True),
     "lag": Fault("sensor_lag", lag, 1.0, "5 % of the fastest loading, 1 s at most"),
     "drift": Fault(
         "load_cell_drift",

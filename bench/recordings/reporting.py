@@ -23,7 +23,7 @@ from bench.recordings.rows import (
     met,
 )
 from bench.recordings.sets import Material
-from bench.reporting import tracked
+from bench.reporting import cell, tracked
 from softnn.study.common import (
     COLOURS,
     database,
@@ -127,6 +127,8 @@ def headline(
         out["faults"] = faults["found"]["of"]
         out["faults_found"] = faults["found"]["rate"]
         out["faults_with_a_false_name"] = faults["with_a_false_name"]["rate"]
+        for key in ("seen_by_oracle", "found_of_seen", "with_a_sure_false_name"):
+            out[f"faults_{key}"] = faults.get(key, {}).get("rate")
     return out
 
 
@@ -163,19 +165,37 @@ def tables(
         out.append(f"**Made faults** ({main})")
         out.append(
             markdown(
-                ["fault", "found", "95 % interval", "copies"],
-                [
-                    [name, percent(w["rate"], 0), _range(w["low"], w["high"]), w["of"]]
-                    for name, w in [
-                        *faults["by_fault"].items(),
-                        ("all", faults["found"]),
-                        ("a false name", faults["with_a_false_name"]),
-                        (f"a new name, {CONTROL}", faults["new_without_a_fault"]),
-                    ]
-                ],
+                FAULT_HEADS,
+                fault_rows(faults),
             )
         )
     return out
+
+
+FAULT_HEADS = ("fault", "found", "an oracle sees", "found of these")
+
+
+def fault_rows(faults: Mapping[str, Any]) -> list[list[str | None]]:
+    """Made faults one by one, then all, then false names with and without a fault.
+
+    An older result has no oracle and no sure names.
+    """
+    kinds = ("by_fault", "by_fault_seen", "by_fault_found_of_seen")
+    rows = [
+        [name, *(cell(faults.get(kind, {}).get(name)) for kind in kinds)]
+        for name in faults["by_fault"]
+    ]
+    whole = ("found", "seen_by_oracle", "found_of_seen")
+    rows.append(["all", *(cell(faults.get(key)) for key in whole)])
+    for words, key in (
+        ("a false name", "with_a_false_name"),
+        ("... at 90 % or more", "with_a_sure_false_name"),
+        (f"a new name, {CONTROL}", "new_without_a_fault"),
+        ("... at 90 % or more", "surely_new_without_a_fault"),
+    ):
+        if key in faults:
+            rows.append([words, cell(faults[key]), None, None])
+    return rows
 
 
 def _table(rows: Sequence[Row], material: Mapping[tuple[str, str], Material]) -> str:

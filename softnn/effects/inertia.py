@@ -7,6 +7,8 @@ import numpy as np
 from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import Chunk
 
+SLOWEST_S = 1.0  # period of the slowest rig on the specimen
+
 
 class Inertia(Effect):
     r"""Mass of grip and specimen times acceleration.
@@ -35,6 +37,15 @@ class Inertia(Effect):
     )
     off = {"mass": 0.0}
     amplitude = "mass"
+
+    def within(self, scales):
+        """Return the law with masses that swing on such a specimen once a second.
+
+        Grips and load cells move faster; a larger mass stands for something else.
+        """
+        stiffness = scales.stress_MPa / scales.strain
+        return self.narrowed("mass", high=(SLOWEST_S / (2 * np.pi)) ** 2 * stiffness)
+
     where = "at reversals and at high frequency"
     exempt = {
         "refine": "strain that is straight between samples has no acceleration there",

@@ -7,7 +7,7 @@ import numpy as np
 from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import cycles
 
-LONGEST_S = 5.0  # the slowest filter that a load cell is read through
+LONGEST_S = 1.0  # the slowest filter that a load cell is read through
 
 
 class SensorLag(Effect):

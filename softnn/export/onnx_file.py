@@ -13,6 +13,11 @@ from softnn.neural.guard import SLACK
 from softnn.neural.inputs import FILTER_S
 
 OPSET, IR_VERSION = 17, 8
+# How the network's training made the rate; another one gives another stress.
+RATE = (
+    "backward difference: (strain now - strain one lag before) / lag, the lag being "
+    "{lag}; the first sample takes the rate of the second"
+)
 
 
 def onnx_model(model: Stored | StoredNetwork) -> bytes:
@@ -104,6 +109,7 @@ def onnx_model(model: Stored | StoredNetwork) -> bytes:
         {
             "columns": ", ".join(row.names),
             "lag": lag,
+            **({"strain_rate_per_s": RATE.format(lag=lag)} if row.rate else {}),
             "architecture": model.architecture,
         },
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import wraps
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from softnn import readers
 from softnn.axes import Axes, common
+from softnn.cards.given import Given
+from softnn.cards.read import is_card, read_card
 from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.mismatch import base as bases
 from softnn.mismatch import diagnosis
@@ -27,15 +30,17 @@ from softnn.model_file import Stored, read_model
 from softnn.plausible import (
     accidents,
     check_plausible,
+    check_together,
     going_on,
     one_size,
     scattered,
     understood,
 )
-from softnn.progress import Listener, heard, stage
+from softnn.progress import Listener, Shown, heard, stage, watched
 from softnn.readers import ReadOptions
 from softnn.readers.arguments import as_arguments
 from softnn.readers.folder import read_files, without_copies
+from softnn.readers.options import name_of
 from softnn.recording import Recording, bridged
 
 if TYPE_CHECKING:
@@ -107,22 +112,51 @@ def plausible(case: Case, as_is: bool = False) -> Case:
 
     Copies of a recording are dropped, and so is the stress after a specimen has torn.
     """
-    for recording in case.recordings:
-        # before anything is noted
-        check_sizes(recording, recording.source or recording.name or None)
+    # before anything is noted
+    _each(case, lambda r, alone: check_sizes(r, r.source or r.name or None, alone))
     if as_is:
         return case
     case = _once(case)
-    notes, kept = [], []
+    notes = _each(
+        case, lambda r, alone: check_plausible(r, history=case.history, alone=alone)
+    )
+    if case.history == "fresh":
+        check_together(case.recordings)
+    kept = []
     for r in case.recordings:
-        notes += check_plausible(r, history=case.history)
         r, told = accidents(r)
         kept.append(r)
         notes += told
+    materials = sorted({r.material for r in case.recordings if r.material})
+    if len(materials) > 1:
+        notes.append(
+            f"recordings of {len(materials)} materials ({', '.join(materials[:4])}) in "
+            "one case: one model has to fit them all; name the files of one material, "
+            f"as softnn diagnose {shlex.quote(Path(case.recordings[0].source).name)} .."
+        )
     notes += going_on(case.recordings, case.history)
     if not case.groups():
         notes += one_size(case.recordings) or scattered(case.recordings)
     return replace(case, recordings=tuple(kept), notes=(*case.notes, *notes))
+
+
+def _each(case: Case, check: Callable[[Recording, bool], Any]) -> list[str]:
+    """Return the notes of a check of each recording.
+
+    Raises its `InputError`, with advice for one file alone unless all files need it.
+    """
+    notes, wrong = list[str](), list[tuple[Recording, InputError]]()
+    for one in case.recordings:
+        try:
+            notes += check(one, False) or ()
+        except InputError as error:
+            wrong.append((one, error))
+    if not wrong:
+        return notes
+    first, told = wrong[0]
+    if len({r.source for r, _ in wrong}) < len({r.source for r in case.recordings}):
+        check(first, True)
+    raise told
 
 
 def _once(case: Case) -> Case:
@@ -149,7 +183,7 @@ def _read_case(path: Paths, options: ReadOptions, skip: Sequence[str] = ()) -> C
     found = read_files(None, paths, options, readers.read)
     found.notes += read_notes(found.recordings)
     one = paths[0]
-    name = one.name.partition(".")[0] if len(paths) == 1 else one.resolve().parent.name
+    name = name_of(one) if len(paths) == 1 else one.resolve().parent.name
     return case_of(found.recordings, name, notes=tuple(found.notes))
 
 
@@ -200,7 +234,7 @@ def histories(
                 )
             }
             chunk = Chunk(time, strain, more.pop("warm"))
-            bare.append(History(path.name.partition(".")[0], chunk, **more))
+            bare.append(History(name_of(path), chunk, **more))
         else:
             files.append(path)
     if files:
@@ -253,28 +287,32 @@ def inferred(case: Case, model: str | None = None) -> list[str]:
 @_of_arguments
 def diagnose(
     recordings: Recording | Sequence[Recording | str | Path] | Case | str | Path,
-    model: str | Path | Stored | StoredNetwork | None = None,
+    model: str | Path | Stored | StoredNetwork | Given | None = None,
     *,
     history: str | None = None,
     specimen: Mapping[str, str] | None = None,
     seed: int = 0,
     tolerance: float = 0.02,
     as_is: bool = False,
+    refit: bool = False,
+    card_unit: str | None = None,
     progress: Listener | None = None,
     **given: Any,
 ) -> Diagnosis:
     """Diagnose recordings: which effects a simulation left out, and how sure that is.
 
     `recordings`: a recording, a list of them, a file, a list of files, a folder or a
-    case. `model`: the name of a base, a model.json or the result of `load_model`; None
+    case. `model`: the name of a base, a model.json, the result of `load_model`, or a
+    material card (.inp, .mac, .feb); None
     takes the model that the case names, else the simulation stored with the recordings,
     else pl-wiechert. `history`: "fresh" if each recording begins at rest, "continued"
     if it goes on from the one before; None takes the case's own, else "fresh".
     `specimen`: maps names of recordings to names of specimens. `tolerance`: the error
-    of prediction, a fraction, that is good enough. `as_is`: accept
-    implausible numbers. `progress`: called with a `softnn.progress.Progress` from time
-    to time. `given`: as for `read`, if files are read. Returns a `Diagnosis`. Raises
-    `InputError`.
+    of prediction, a fraction, that is good enough. `as_is`: accept implausible numbers.
+    `refit`: fit the moduli of a material card too. `card_unit`: the unit of its
+    stresses. `progress`: called with a `softnn.progress.Progress` from time to time;
+    None shows a bar on a terminal and in a notebook. `given`: as for `read`, if files
+    are read. Returns a `Diagnosis`. Raises `InputError`.
 
     >>> import numpy as np
     >>> time = np.linspace(0, 20, 201)
@@ -288,7 +326,8 @@ def diagnose(
     >>> found.model.simulate(found.case.recordings[0])[100].round(2)
     np.float64(0.4)
     """
-    with heard(progress):
+    shown = Shown("softnn", quiet=progress is not None or not watched())
+    with shown, heard(progress if shown.quiet else shown):
         case = _given_case(recordings, given)
         if history is not None and history not in HISTORIES:
             raise InputError(
@@ -306,6 +345,10 @@ def diagnose(
             case = replace(case, specimen=dict(specimen))
         if not isinstance(recordings, Case):
             case = plausible(case, as_is)
+        if isinstance(model, str | Path) and is_card(str(model)):
+            model = replace(read_card(str(model), card_unit), refit=refit)
+        elif refit or card_unit is not None:
+            raise InputError("refit and card_unit are for material cards")
         named = isinstance(model, Path) or (
             isinstance(model, str) and model.endswith(".json")
         )

@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter1d
 from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
-from softnn.mismatch.case import Case, mask_failure, mask_gaps, thin, to_data
+from softnn.mismatch.case import Case, mask_failure, mask_gaps, sparse, thin, to_data
 from softnn.models.base import Base
 from softnn.models.bases import build
 from softnn.noise import Noise, estimate, white
@@ -65,9 +65,10 @@ def usable(case: Case, samples: int) -> Case:
     return thin(mask_failure(mask_gaps(case)), samples)
 
 
-def start(case: Case, model: str | None = None) -> Baseline:
+def start(case: Case, model: str | Base | None = None) -> Baseline:
     """Return the best fit of the base of a case, from which a search starts."""
-    data, fine, few = (to_data(usable(case, n)) for n in (SEARCH, REPORT, COARSE))
+    good, fine = mask_failure(mask_gaps(case)), to_data(usable(case, REPORT))
+    data, few = (to_data(sparse(good, n)) for n in (SEARCH, COARSE))
     if sum(int(np.isfinite(s).sum()) for s in data.stress_MPa) < 4:
         raise InputError(f"{case.name}: fewer than four stresses in all; record more")
     model = model or case.model
@@ -175,16 +176,17 @@ def weigh_by(engine: Engine, noise: Sequence[Noise]) -> None:
 
 def baseline(
     data: Data,
-    name: str,
+    name: str | Base,
     groups: Sequence[tuple[int, ...]] = (),
     fine: Data | None = None,
     few: Data | None = None,
 ) -> Baseline:
-    """Return the base `name` refitted to the data; noise from `fine` if it is given."""
+    """Return a base refitted to the data; noise from `fine` if it is given."""
     engine = Engine(data, fine=None if fine is None else Engine(fine))
-    units = units_for(name, data)
+    units = units_for(name, data) if isinstance(name, str) else name
     pieces = nuisance(data, groups)
-    starts = (Guess(u, np.zeros(u.columns), pieces) for u in units.starts())
+    every = dict.fromkeys(units.starts())  # the first may be among the others
+    starts = (Guess(u, np.zeros(u.columns), pieces) for u in every)
     found = min((fit(engine, one) for one in starts), key=lambda f: f.chi2)
     noise: list[Noise] = []
     for _ in range(2):
@@ -192,7 +194,8 @@ def baseline(
         found = fit(engine, found.guess)
     less = None if few is None else Engine(few)
     notes = found.guess.units.remarks()
-    return Baseline(engine, found, noise, name, False, fewer=less, notes=notes)
+    said = name if isinstance(name, str) else name.name
+    return Baseline(engine, found, noise, said, False, fewer=less, notes=notes)
 
 
 def given(

@@ -16,12 +16,15 @@ from softnn import readers
 from softnn.axes import common
 from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.fit import Data
+from softnn.metrics import BAND, weights
 from softnn.model_file import HISTORIES
 from softnn.models.bases import BASES
+from softnn.plausible import Advice
 from softnn.readers import ReadOptions
 from softnn.readers.folder import Found, files_of, read_files
 from softnn.readers.tidy import read_folder, read_text
 from softnn.recording import Recording
+from softnn.state import turns
 
 KEYS = ("model", "history", "specimen")
 LARGEST_STRAIN = 15.0  # 1500 %: no elastomer here survives more
@@ -98,8 +101,7 @@ def read_case(
         found = Found(read_folder(inner), _unlisted(inner))
     else:
         files, notes = files_of(inner, skip)
-        found = read_files(inner, files, options, readers.read)
-        found.notes[:0] = notes
+        found = read_files(inner, files, options, readers.read, notes)
     found.notes += read_notes(found.recordings)
     specimen = {
         Path(k).stem if k.endswith(".csv") else k: v
@@ -170,6 +172,15 @@ def _simulated(recordings: Sequence[Recording]) -> tuple[Array, ...] | None:
     return tuple(r.simulated_MPa for r in recordings if r.simulated_MPa is not None)
 
 
+def _flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
+    """Return a table of tables as one, names joined by points."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        inner = isinstance(value, dict) and value
+        out |= _flat(value, f"{above}{key}.") if inner else {f"{above}{key}": value}
+    return out
+
+
 def _about(path: Path) -> dict:
     if not path.exists():
         return {}
@@ -184,6 +195,8 @@ def _about(path: Path) -> dict:
                 file=path,
             )
         if key == "specimen":
+            # `pull_0.1mm_s = "A"` is a table in a table: TOML cuts names at points.
+            value = about[key] = _flat(value) if isinstance(value, dict) else value
             if not isinstance(value, dict) or not all(
                 isinstance(v, str) for v in value.values()
             ):
@@ -206,14 +219,20 @@ def _about(path: Path) -> dict:
     return about
 
 
-def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
-    """Raise `InputError` on a likely wrong unit, or if nothing can be diagnosed."""
+def check_sizes(
+    recording: Recording, file: str | Path | None = None, alone: bool = False
+) -> None:
+    """Raise `InputError` on a likely wrong unit, or if nothing can be diagnosed.
+
+    `alone`: its advice must act on this file alone.
+    """
+    advice = Advice(recording, alone)
     strain = np.nanmax(np.abs(recording.strain))
     known = not recording.axes.component  # a component may have any size
     if known and strain > LARGEST_STRAIN:
         raise InputError(
-            f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; is it in per "
-            "cent? It must be a plain number: divide by 100, or say --unit strain=%",
+            f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; "
+            f"{advice.percent()}",
             file=file,
             row=_row(recording, recording.strain),
             column="strain",
@@ -221,7 +240,7 @@ def check_sizes(recording: Recording, file: str | Path | None = None) -> None:
     stress = np.nanmax(np.abs(recording.stress_MPa))
     if known and stress > LARGEST_STRESS_MPa:
         raise InputError(
-            f"stress reaches {stress:.4g} MPa; is it in Pa or kPa? It must be in MPa",
+            f"stress reaches {stress:.4g} MPa; {advice.pascal()}",
             file=file,
             row=_row(recording, recording.stress_MPa),
             column="stress_MPa",
@@ -407,6 +426,30 @@ def thin(case: Case, most: int) -> Case:
         if case.simulated_MPa is not None:
             s = case.simulated_MPa[i]
             simulated.append(s if keep is None else s[keep])
+    return replace(case, recordings=tuple(out), simulated_MPa=tuple(simulated) or None)
+
+
+def sparse(case: Case, most: int) -> Case:
+    """Return the case with at most about `most` samples a recording, where they weigh.
+
+    Samples are evenly spaced in the weight that they have in an error: a ramp keeps its
+    samples beside a hold of an hour. Turning points are kept.
+    """
+    out, simulated = [], []
+    for i, recording in enumerate(case.recordings):
+        time, strain = recording.time_s, recording.strain
+        keep = np.arange(len(time))
+        if len(time) > most:
+            known = np.isfinite(strain)
+            filled = np.interp(time, time[known], strain[known])
+            total = np.cumsum(weights(time, filled))
+            even = np.searchsorted(total, np.linspace(0, total[-1], most))
+            corners = turns(filled, BAND * float(np.ptp(filled)))
+            ends = [0, len(time) - 1]
+            keep = np.unique(np.concatenate([even.clip(0, ends[1]), corners, ends]))
+        out.append(recording.take(keep))
+        if case.simulated_MPa is not None:
+            simulated.append(case.simulated_MPa[i][keep])
     return replace(case, recordings=tuple(out), simulated_MPa=tuple(simulated) or None)
 
 

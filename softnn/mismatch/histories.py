@@ -15,7 +15,6 @@ from softnn.model_file import Stored
 from softnn.readers.tidy import numbers, table
 from softnn.recording import check_columns
 
-SLACK = 0.01  # of the range of strain; less beyond it needs no warning
 FAR = 20.0  # times the largest strain of a model; beyond that no prediction is made
 
 
@@ -49,20 +48,10 @@ def beyond(
     if not isinstance(model, Stored):
         return []
     lines = []
-    axis = model.axes.strain
-    low, high = (axis.one * x for x in model.units.reach)
-    unit = f" {axis.unit}" if model.axes.component else ""
-    slack = SLACK * (high - low)
-    far = [
-        name
-        for name, chunk in zip(names, chunks, strict=True)
-        if chunk.strain.min() < low - slack or chunk.strain.max() > high + slack
-    ]
+    pairs = zip(names, chunks, strict=True)
+    far = [name for name, chunk in pairs if model.leaves(chunk)]
     if far:
-        lines.append(
-            f"{_some(far)}: {axis.name} beyond {low:.4g} to {high:.4g}{unit}, which "
-            "the model was made from"
-        )
+        lines.append(f"{_some(far)}: {model.range_told()}")
     own = known_by_name(model)
     new = [name for name in names if name not in own]
     if own and new and by_name:

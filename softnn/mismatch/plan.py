@@ -448,7 +448,11 @@ class Alternatives:
             return None
         every = library.programmes()
         scored = [(p, self.score(p)) for p in every]
+        # Far beyond the recordings a model may run away; nothing is foretold there.
+        scored = [(p, s) for p, s in scored if np.isfinite(s.gain)]
         own = [(p, s) for p, s in scored if p.kind == "programme"]
+        if not own and every:
+            return Plan(self, library.covering(), None)
         if not own:
             raise InputError(
                 "no programme fits into these limits; allow more --minutes or a larger "
@@ -463,7 +467,7 @@ class Alternatives:
             missing = self.action == "record"  # the error is too large for any use
             return Plan(self, library.covering() if missing else None, None)
         most = max(s.gain for _, s in own)
-        near = [(p, s) for p, s in own if s.gain >= (1 - ALIKE) * most]
+        near = [(p, s) for p, s in own if s.gain >= most - ALIKE * abs(most)]
         programme, score = min(near, key=lambda f: f[0].seconds)
         specimens = 1
         while score.sure < ENOUGH_SURE and specimens < MOST_SPECIMENS:

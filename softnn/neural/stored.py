@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,10 +14,10 @@ from softnn import glance
 from softnn.axes import SPECIMEN
 from softnn.contracts import Array, Chunk, InputError
 from softnn.neural.fitting import run
-from softnn.neural.guard import Seen
+from softnn.neural.guard import Seen, counted
 from softnn.neural.inputs import architecture_of, strain_rate
 from softnn.neural.network import Network
-from softnn.recording import Recording
+from softnn.recording import Recording, history_of
 
 KIND = "softnn-network"
 VERSION = 1
@@ -39,13 +40,14 @@ class StoredNetwork:
 
     def __repr__(self) -> str:
         count = len(self.network.hidden)
+        low, high = self.known.strain
         return (
             f"<Network {self.architecture} of {count} neuron{'s'[: count != 1]}, "
-            f"trained up to a strain of {self.known.strain[1]:.3g}>"
+            f"trained at strains of {low:.3g} to {high:.3g}>"
         )
 
     def _repr_html_(self) -> str:
-        return glance.model_html(self, self.known.strain[1])
+        return glance.model_html(self, max(self.known.strain, key=abs))
 
     @property
     def source(self) -> dict[str, Any]:
@@ -84,6 +86,24 @@ class StoredNetwork:
             rate = strain_rate(plain, self.lag_s)
             rate[chunk.time_s == chunk.time_s[0]] = np.nan
         return self.known.flags(np.asarray(chunk.strain, float), rate)
+
+    def simulate(
+        self, history: Recording | npt.ArrayLike, strain: npt.ArrayLike | None = None
+    ) -> Array:
+        """Stress (n,) over a strain history, MPa.
+
+        `history` is a recording, whose own stress is not used, or times (n,) [s] with
+        `strain` (n,). Warns where the history leaves what the network was trained on.
+        """
+        name, chunk = history_of(history, strain)
+        out = counted(self.outside(chunk))
+        if out["outside"]:
+            kinds = ", ".join(f"{k} {n}" for k, n in out.items() if n)
+            warnings.warn(
+                f"{name}: samples that the network was never shown ({kinds})",
+                stacklevel=2,
+            )
+        return self.stress([name], [chunk], [None])[0]
 
     def stress(
         self,

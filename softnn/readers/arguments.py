@@ -45,8 +45,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--unit",
         action="append",
         default=[],
-        metavar="COLUMN=UNIT",
-        help="unit of a column the file gives none for, e.g. 'Force=kN'",
+        metavar="[FILE:]COLUMN=UNIT",
+        help="unit of a column, e.g. 'Force=kN'; of one file, 'fast.csv:Force=kN'",
     )
     group.add_argument("--decimal", default="", choices=[".", ","])
     group.add_argument(
@@ -55,11 +55,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--flip",
         default="",
-        choices=["strain", "stress"],
+        metavar="[FILE:]strain|stress",
         help="the one whose sign the file has reversed",
     )
     group.add_argument(
         "--zero", action="store_true", help="strain counts from where the file starts"
+    )
+    group.add_argument(
+        "--zero-stress",
+        action="store_true",
+        help="force and stress count from where the file starts",
     )
     group.add_argument(
         "--skip-bad-cells",
@@ -79,7 +84,7 @@ def _number(text: str) -> float:
         ) from None
 
 
-_SWITCHES = ("as_is", "compression", "skip_bad_cells", "zero")
+_SWITCHES = ("as_is", "compression", "skip_bad_cells", "zero", "zero_stress")
 
 
 def as_arguments(text: str) -> str:
@@ -108,11 +113,11 @@ def as_arguments(text: str) -> str:
             return name + ("=..." if value else "")
         return match[0]
 
-    word = r"(?:'[^']*'|[^\s',;]+)"
+    word = r"(?:'[^']*'|[^\s',;]*[^\s',;.?)])"
     text = re.sub(rf"--unit {word}(?:,? --unit {word})*", gathered, text)
     text = re.sub(rf"--skip {word}(?: --skip {word})*", gathered, text)
     text = text.replace("--unit", "units={COLUMN: UNIT}")
-    text = re.sub(r"--flip (\w+)", r"flip='\1'", text)
+    text = re.sub(rf"--flip ({word})", lambda m: f"flip={shlex.split(m[1])[0]!r}", text)
     return re.sub(r"--([a-z]+(?:-[a-z]+)*)( [A-Z][A-Z0-9_]*\b)?", option, text)
 
 

@@ -17,21 +17,21 @@ from typing import Any
 import numpy as np
 
 from softnn.contracts import Array, InputError
-from softnn.readers.chosen import Chosen
+from softnn.readers.chosen import Chosen, called
 from softnn.readers.clocks import spread
 from softnn.readers.header import header_number
 from softnn.readers.lacking import Lacking, NoRecording, placed
 from softnn.readers.measures import STRAIN, STRESS, measure
 from softnn.readers.numbers import FEW, MANY, decimal_mark, numbers
-from softnn.readers.options import ReadOptions, Rules
+from softnn.readers.options import ReadOptions, Rules, name_of
 from softnn.readers.source import Source
 from softnn.readers.table import (
     Table,
     by_specimen,
     find_tables,
     has_role,
-    in_rows,
     named_apart,
+    upright,
     without_reserve,
     without_twins,
 )
@@ -45,7 +45,7 @@ from softnn.readers.vocabulary import (
     rank,
 )
 from softnn.recording import Recording, Step
-from softnn.start import ODD, OFFSET, beginning, stale, start
+from softnn.start import ODD, OFFSET, beginning, resting, stale, start, unloaded
 
 # Beyond these a unit or the geometry is wrong, not the material: 100 is 10,000 %,
 # 20 GPa is beyond any wire.
@@ -53,6 +53,12 @@ MAX_STRAIN = 100.0
 MAX_STRESS = 20_000.0
 LOST = 5  # samples or a fiftieth, that may stand far off together
 AGAINST = -0.5  # correlation of load and travel, where one has the sign reversed
+# What is read of a dynamic test, in place of a sweep over frequencies.
+SWEEP = (
+    "a sweep is a result. softnn reads histories: columns of time, strain and stress "
+    "of the waveforms (softnn.dynamic makes storage and loss modulus of them), or an "
+    "axial, ramp or relaxation step; export those"
+)
 ROUNDED = "{!r} is rounded, and rows share a time: they are spread evenly"
 DISAGREE = 3.0  # a column against force / area or displacement / length
 
@@ -78,10 +84,14 @@ class _Assembly(Chosen):
             raise InputError("no rows; at least two samples are needed")
         if table.bad:
             self.left_out(table.bad)
+        if swept(table):
+            raise NoRecording(f"holds storage and loss modulus: {SWEEP}")
         if self.lacks() > 1:
             raise NoRecording(
                 f"no columns of a test; it has {self.have()}; name them with --time, "
                 "--force or --stress, and --displacement or --strain"
+                + "; a component has time_s,deflection_deg,torque_Nm"
+                * any("torque" in c.plain for c in table.columns)
             )
         force, stress, strain, elongation, time = self.channels()
         self.check_short()
@@ -93,7 +103,7 @@ class _Assembly(Chosen):
             one = _Assembly(table, self.rules, options, self.decimal, count)
             return one.recording()
         timed = self.timed(time)
-        self.check_time(time[timed])
+        self.check_time(time[timed], strain[timed])
         self.check_size(strain, MAX_STRAIN, "strain", "--length")
         self.check_size(stress, MAX_STRESS, "stress [MPa]", "--area")
         self.note_jumps(strain, "strain")
@@ -106,7 +116,11 @@ class _Assembly(Chosen):
         }
         if table.sheet:
             arguments["sheet"] = table.sheet
+        if vain := self.in_vain():
+            arguments["in_vain"] = vain
         specimen = options.specimen or table.label or self.header.specimen
+        if table.label and specimen == table.label:
+            arguments["label"] = table.label
         channels = {
             "time_s": time - np.nanmin(time[old:]) if old else time,
             "strain": strain,
@@ -119,7 +133,7 @@ class _Assembly(Chosen):
         kept: dict[str, Any] = {k: v for k, v in channels.items() if v is not None}
         return Recording(
             **{k: v[timed][old:] for k, v in kept.items()},
-            name=table.file.name.split(".")[0],
+            name=name_of(table.file),
             specimen=specimen,
             material=options.material or self.header.material,
             test=options.test,
@@ -186,7 +200,8 @@ class _Assembly(Chosen):
         except Lacking as error:
             lacking = error if lacking is None else lacking.and_also(error)
         if lacking is not None:
-            raise lacking
+            columns = {role: name for name, role in lacking.units.items()}
+            raise lacking.judged(strain, columns)
         assert stress is not None
         assert strain is not None
         assert time is not None
@@ -196,6 +211,13 @@ class _Assembly(Chosen):
             elongation = None if elongation is None else -elongation
         if self.turned:
             stress, force = -stress, None if force is None else -force
+        if self.options.zero_stress:
+            rest = slice(self.first, self.first + resting(strain[self.first :]))
+            offset = float(np.nanmedian(stress[rest])) if len(stress) else 0.0
+            self.notes.append(f"{offset:.4g} MPa taken off the stress (--zero-stress)")
+            stress = stress - offset
+            if force is not None:
+                force = force - float(np.nanmedian(force[rest]))
         return force, stress, strain, elongation, time
 
     def force_and_stress(self) -> tuple[Array | None, Array]:
@@ -257,12 +279,12 @@ class _Assembly(Chosen):
         return stress * other[1](1 + strain)
 
     def note_fraction(self, strain: Array) -> None:
-        """A note where a column without a unit, taken as it stands, goes beyond 1."""
+        """A note where a column without a unit is taken as it stands."""
         name = self.used["strain"]
         top = float(np.nanmax(np.abs(strain), initial=0.0))
         bare = any(str(c) == name and not self.unit_of(c, "strain")
                    for c in self.table.columns)  # fmt: skip
-        if bare and top > 1:
+        if bare and not self.rules.unitless:
             self.notes.append(
                 f"{name!r} has no unit and is taken as a fraction, up to "
                 f"{100 * top:.4g} %; if it is in per cent, say --unit '{name}=%'"
@@ -275,7 +297,8 @@ class _Assembly(Chosen):
         has a name of no direction, and grows where it should fall.
         """
         options = self.options
-        told = options.compression or options.flip or self.rules.compression
+        turned = [options.flips(a, self.table.file) for a in ("strain", "stress")]
+        told = options.compression or any(turned) or self.rules.compression
         travel, pull = (
             next((r for r in roles if r in self.names), "")
             for roles in (("displacement", "strain"), ("force", "stress"))
@@ -370,23 +393,24 @@ class _Assembly(Chosen):
             return moved - start(moved[self.first :])
         if load is None or any(n.startswith("zero of") for n in self.notes):
             return moved
-        first, share = beginning(moved[self.first :], load[self.first :])
+        first, share = beginning(moved[self.first :], load[self.first :], preload=True)
+        bears = "no load" if unloaded(load[self.first :]) else "but a preload"
         unit = " mm" if role == "displacement" else ""
         if role == "displacement" and share > OFFSET:
             self.notes.append(
-                f"{name!r} starts at {first:.4g}{unit} with no load, the machine's "
+                f"{name!r} starts at {first:.4g}{unit} with {bears}, the machine's "
                 "position; it counts from there"
             )
             return moved - first
         if role == "strain" and 0.9 < first < 1.1:
             column = name.partition(" [")[0]
             self.notes.append(
-                f"{column!r} starts at {first:.4g} with no load, as a stretch ratio "
+                f"{column!r} starts at {first:.4g} with {bears}, as a stretch ratio "
                 f"does; if it is one, say --unit '{column}=stretch'"
             )
         elif share > ODD:
             self.notes.append(
-                f"{name!r} starts at {first:.4g}{unit} with no load; if that is the "
+                f"{name!r} starts at {first:.4g}{unit} with {bears}; if that is the "
                 "machine's position, say --zero"
             )
         return moved
@@ -483,23 +507,30 @@ class _Assembly(Chosen):
 
     # -- checks ---------------------------------------------------------------------
 
-    def check_time(self, time: Array) -> None:
+    def check_time(self, time: Array, strain: Array) -> None:
         """Name the row of the file, which a Recording no longer knows."""
-        for bad, what in (
-            (
-                np.isnan(time),
+        column = self.used.get("time")
+        missing, back = np.isnan(time), np.diff(time, prepend=time[:1]) < 0
+        if missing.any():
+            bad = missing
+            what = (
                 "no time; every row needs one. Leave such rows out with "
-                "--skip-bad-cells, if they are few",
-            ),
-            (np.diff(time, prepend=time[:1]) < 0, backwards(time)),
-        ):
-            if bad.any():
-                raise InputError(
-                    what,
-                    file=self.table.where,
-                    row=int(self.table.lines[int(bad.argmax())]),
-                    column=self.used.get("time"),
-                )
+                "--skip-bad-cells, if they are few"
+            )
+        elif back.any():
+            bad = back
+            at = [i for i, c in enumerate(self.table.columns) if i in self.cells
+                  and column and c.name == column.partition(" [")[0]]  # fmt: skip
+            texts = [str(c) for c in self.table.cells(at[0])] if at else []
+            what = backwards(time, strain, texts)
+        else:
+            return
+        raise InputError(
+            what,
+            file=self.table.where,
+            row=int(self.table.lines[int(bad.argmax())]),
+            column=column,
+        )
 
     def check_size(self, values: Array, limit: float, what: str, option: str) -> None:
         too_large = np.abs(values) > limit
@@ -560,13 +591,37 @@ class _Assembly(Chosen):
             )
 
 
-def backwards(time: Array) -> str:
+def backwards(time: Array, strain: Array, texts: Sequence[str] = ()) -> str:
     """What is wrong with a clock that goes back, and what to do.
 
-    >>> backwards(np.array([0.0, 0.1, 0.2, 0.0, 0.1, 0.2]))[:54]
+    `texts`: the cells of the file. To sort the rows is advised only where the strain
+    (n,) then runs more smoothly: elsewhere it would scramble them.
+
+    >>> time = np.array([0.0, 0.1, 0.2, 0.0, 0.1, 0.2])
+    >>> backwards(time, np.zeros(6))[:54]
     'time starts again, as where a second test or step begi'
+    >>> time, texts = np.array([40.8, 40.9, 40.10, 40.11]), ["40.8", "40.9", "40.10"]
+    >>> backwards(time, np.zeros(4), [*texts, "40.11"])[:41]
+    "time goes back from '40.9' to '40.10', as"
     """
     step = np.diff(time)
+    if len(texts) == len(time) and np.any(step < 0):
+        k = int(np.argmax(step < 0))
+        told = f"time goes back from {texts[k]!r} to {texts[k + 1]!r}, as where "
+        parts = [re.split("[.,]", t) for t in texts]
+        digits = all(all(p.isdigit() for p in row) for row in parts)
+        if re.fullmatch(r"\d{1,3}([.,]\d{3})+", texts[k + 1]) and digits:
+            joined = np.array([float("".join(row)) for row in parts])
+            if np.all(np.diff(joined) >= 0):
+                mark = "," if "." in texts[k + 1] else "."
+                return f"{told}a mark parts thousands; say --decimal {mark}"
+        if digits and all(len(row) == 2 for row in parts):
+            pairs = [(int(a), int(b)) for a, b in parts]
+            if pairs == sorted(pairs):
+                return (
+                    f"{told}a logger leaves out zeros behind the point; number the "
+                    "samples with --interval SECONDS"
+                )
     if np.all(step <= 0):
         return "time runs from the last row to the first; sort the rows by time"
     again = np.flatnonzero(step < 0)
@@ -575,15 +630,22 @@ def backwards(time: Array) -> str:
             "time goes back in the last row alone; if that row is a mean or a sum, "
             "delete it"
         )
-    if len(again) and time[again[0] + 1] <= time[0] + 2 * abs(np.nanmedian(step)):
+    few = len(again) == 1 or len(again) <= 0.1 * len(step)  # more is no order at all
+    if few and time[again[0] + 1] <= time[0] + 2 * abs(np.nanmedian(step)):
         return (
             "time starts again, as where a second test or step begins; split the file "
             "there if it is another test, or, if one test goes on, number its samples "
             f"with --interval {np.nanmedian(step):.4g}"
         )
+    finite = np.isfinite(strain)
+    order = np.argsort(time[finite], kind="stable")
+    as_is, by_time = (
+        float(np.abs(np.diff(v)).sum()) for v in (strain[finite], strain[finite][order])
+    )
+    sort = "sort the rows by time, " if by_time < 0.5 * as_is else ""
     return (
-        "time goes backwards; sort the rows, split the file where a new test begins, "
-        "or replace its clock with --interval SECONDS"
+        f"time goes backwards; {sort}split the file where a new test begins, or "
+        "replace its clock with --interval SECONDS"
     )
 
 
@@ -592,20 +654,21 @@ def recordings(
     rules: Rules,
     options: ReadOptions,
     file: Path,
-    turned: bool = False,
+    sheets: Sequence[str] = (),
 ) -> list[Recording]:
     """A recording of every table that is a test; result tables and such are left out.
 
-    Raises `InputError` for the reason the best of them is none. `turned`: the file has
-    its channels in rows.
+    Raises `InputError` for the reason the best of them is none. `sheets`: the names of
+    all sheets of a workbook.
     """
+    if len(sheets) > 1 and not any(_has_both(t, options) for t in tables):
+        raise NoRecording(
+            f"no sheet ({', '.join(map(repr, sheets[:5]))}) has time, load and travel "
+            "side by side; copy the columns of each test into one sheet, with headings "
+            "such as Time (s), Force (N), Extension (mm)",
+            file=file,
+        )
     if not tables:
-        if turned:
-            raise InputError(
-                "has its channels in rows; save it with each channel in a column "
-                "(Paste Special, Transpose, in a spreadsheet program)",
-                file=file,
-            )
         raise NoRecording(
             "no rows of numbers below column names; expected are columns of time, "
             "force or stress, and displacement or strain",
@@ -625,11 +688,30 @@ def recordings(
     chosen = [t for t in tables if _is_test(t, options)]
     if not chosen:
         chosen = [max(tables, key=lambda t: len(t.rows))]
-    left_out = len(tables) - len(chosen)
+    left_out = [t for t in tables if not any(t is c for c in chosen)]
     if left_out:
-        note = f"{left_out} further tables are no test and left out"
+        names = dict.fromkeys(repr(t.sheet) for t in left_out if t.sheet)
+        where = f" (sheet {', '.join(names)})" if names else ""
+        note = f"{len(left_out)} further tables are no test and left out{where}"
         rules = replace(rules, notes=(*rules.notes, note))
-    return [assemble(table, rules, options, decimal) for table in chosen]
+    return [
+        assemble(table, rules, _for_table(options, table, chosen), decimal)
+        for table in chosen
+    ]
+
+
+def _for_table(
+    options: ReadOptions, table: Table, every: Sequence[Table]
+) -> ReadOptions:
+    """The options without columns that only other tables of the file have."""
+    gone: dict[str, Any] = {
+        role: ""
+        for role in DIMENSION
+        if (wanted := getattr(options, role))
+        and not called(table.columns, wanted)
+        and any(called(other.columns, wanted) for other in every)
+    }
+    return replace(options, **gone)
 
 
 def _joined(tables: list[Table]) -> list[Table]:
@@ -670,23 +752,33 @@ def _continues(before: Table, table: Table) -> bool:
     return 0 < d - c <= 10 * max(c - b, b - a)
 
 
-def _is_test(table: Table, options: ReadOptions) -> bool:
+def swept(table: Table) -> bool:
+    """Whether a table holds the moduli of a sweep over frequencies."""
+    names = " ".join(c.plain for c in table.columns)
+    return "storage modulus" in names and "loss modulus" in names
+
+
+def _has(table: Table, options: ReadOptions, *roles: str) -> bool:
     dimensions = {u.dimension for c in table.columns if (u := parse_unit(c.unit))}
+    return any(
+        getattr(options, role)
+        or has_role(table, role)
+        or (table.nameless and DIMENSION[role] in dimensions)
+        for role in roles
+    )
 
-    def has(*roles: str) -> bool:
-        return any(
-            getattr(options, role)
-            or has_role(table, role)
-            or (table.nameless and DIMENSION[role] in dimensions)
-            for role in roles
-        )
 
-    timed = has("time") or options.interval_s or options.rate_per_s
+def _has_both(table: Table, options: ReadOptions) -> bool:
+    """Whether load and travel stand side by side."""
+    return _has(table, options, "force", "stress") and _has(
+        table, options, "displacement", "strain"
+    )
+
+
+def _is_test(table: Table, options: ReadOptions) -> bool:
+    timed = options.interval_s or options.rate_per_s or _has(table, options, "time")
     return bool(
-        len(table.rows) > 1
-        and timed
-        and has("force", "stress")
-        and has("displacement", "strain")
+        len(table.rows) > 1 and not swept(table) and timed and _has_both(table, options)
     )
 
 
@@ -694,15 +786,30 @@ def read_source(source: Source, rules: Rules, options: ReadOptions) -> list[Reco
     """The recordings of all tables of a file, each table a test: what most need."""
     shown: list[Table] = []
     hidden: list[Table] = []
+    wrong: dict[str, InputError] = {}
     for sheet in source.sheets:
         name = sheet.name if not source.is_text else ""
-        found = find_tables(sheet.grid, source.path, name)
+        grid = upright(sheet.grid)
+        try:
+            found = find_tables(grid or sheet.grid, source.path, name)
+        except InputError as error:
+            wrong[name] = error
+            continue
+        if grid is not None:
+            note = "its channels stand in rows: turned into columns"
+            found = [replace(t, notes=(*t.notes, note)) for t in found]
         (hidden if sheet.hidden else shown).extend(found)
+    if wrong and not any(_is_test(t, options) for t in shown):
+        raise next(iter(wrong.values()))
+    for name, told in wrong.items():
+        said = str(told).removeprefix(str(told.file)).lstrip(":, ")
+        note = f"sheet {name!r} is left out: {said}"
+        rules = replace(rules, notes=(*rules.notes, note))
     if any(_is_test(t, options) for t in shown):
         names = dict.fromkeys(repr(t.sheet) for t in hidden if _is_test(t, options))
         if names:
             note = f"hidden in the workbook, left out: sheet {', '.join(names)}"
             rules = replace(rules, notes=(*rules.notes, note))
         hidden = []
-    turned = any(in_rows(sheet.grid) for sheet in source.sheets)
-    return recordings([*shown, *hidden], rules, options, source.path, turned)
+    sheets = [] if source.is_text else [sheet.name for sheet in source.sheets]
+    return recordings([*shown, *hidden], rules, options, source.path, sheets)

@@ -7,27 +7,32 @@ names and units.
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.readers.clocks import clock, is_clock, since_an_epoch
-from softnn.readers.columns import Column
+from softnn.readers.columns import Column, split_name
+from softnn.readers.guess import strain_unit
 from softnn.readers.header import header_geometry
 from softnn.readers.lacking import USUAL, Lacking
 from softnn.readers.measures import unusual
 from softnn.readers.numbers import numbers
-from softnn.readers.options import ReadOptions, Rules
+from softnn.readers.options import ReadOptions, Rules, is_called
 from softnn.readers.table import Table
 from softnn.readers.units import READINGS, WEIGHTS, Unit, parse_unit
 from softnn.readers.vocabulary import (
     ABSOLUTE,
+    AXIS,
     COMPRESSIVE,
     DIMENSION,
     DIRECTION,
     GAUGE,
     HEIGHT,
+    LOADED,
+    MOVED,
     ROLES,
     STRETCH,
     plain,
@@ -41,6 +46,17 @@ SENTINELS = (-999.0, -9999.0, -99999.0, -999.25, 999.0, 9999.0, 99999.0, 999999.
              -32768.0, 32767.0, 1e10, -1e10, 1e20, -1e20, 1e30, -1e30)  # fmt: skip
 FAR = 5.0
 DIFFERS = 0.02  # of the range, by which two columns say different things
+
+
+def called(columns: Sequence[Column], wanted: str) -> list[int]:
+    """Columns that a user's name means, or the only one that begins with it."""
+    hits: list[int] = []
+    for name in (wanted, plain(wanted), split_name(wanted).plain):
+        hits = hits or [
+            i for i, c in enumerate(columns) if name in (c.name, str(c), c.plain)
+        ]
+    near = [i for i, c in enumerate(columns) if c.plain.startswith(f"{plain(wanted)} ")]
+    return hits or (near if len(near) == 1 else [])
 
 
 class Chosen:
@@ -77,12 +93,23 @@ class Chosen:
             # half a section: the file's own area no longer holds
             known_geometry.pop("area_mm2", None)
         self.geometry = Geometry(**{**known_geometry, **given})
-        for name in options.units:
-            if name not in ROLES and not any(
-                name in (c.name, str(c)) or plain(name) == c.plain
-                for c in table.columns
-            ):
-                self.notes.append(f"no column {name!r}, of which a unit was given")
+        # What is given for this file alone comes first.
+        self.units = sorted(
+            (
+                (key, of, name, unit)
+                for key, unit in options.units.items()
+                for of, name in self.meant(key)
+            ),
+            key=lambda given: not given[1],
+        )
+        self.typed: set[str] = set()  # keys of units that named a column, or a role
+
+    def meant(self, key: str) -> list[tuple[bool, str]]:
+        """The column that a unit was given for, and whether of this file alone."""
+        file, mark, name = key.partition(":")
+        if mark and is_called(self.table.file, file):
+            return [(True, name.strip())]
+        return [(False, key)]
 
     def candidates(self, role: str) -> list[int]:
         """Columns that may play a role, best first; empty ones only by name."""
@@ -110,18 +137,7 @@ class Chosen:
         wanted = getattr(self.options, role)
         columns = self.table.columns
         if wanted:
-            hits = [
-                i
-                for i, c in enumerate(columns)
-                if wanted in (c.name, str(c)) or plain(wanted) == c.plain
-            ]
-            if not hits:
-                hits = [
-                    i
-                    for i, c in enumerate(columns)
-                    if c.plain.startswith(plain(wanted) + " ")
-                ]
-                hits = hits if len(hits) == 1 else []
+            hits = called(columns, wanted)
             if not hits:
                 raise InputError(
                     f"no column {wanted!r} (--{role}); it has {self.have()}"
@@ -141,12 +157,28 @@ class Chosen:
                 if u is not None and u.dimension == wanted
             ]
         ranked = []
+        axes = self.axes_told(role)
         for i, column in enumerate(columns):
             place = rank(role, column.plain)
             if place is not None and column.plain not in self.rules.ignore:
                 stamps = role == "time" and is_clock(self.table.cells(i))
-                ranked.append((unusual(column.plain), stamps, place, i))
+                other = column.plain not in axes
+                ranked.append((other, unusual(column.plain), stamps, place, i))
         return [i for *_, i in sorted(ranked)]
+
+    def axes_told(self, role: str) -> set[str]:
+        """Plain names of columns that the header calls the axis of the load or travel.
+
+        As in `Load Cell Axis: Fz`.
+        """
+        words = {"force": LOADED, "displacement": MOVED}.get(role)
+        if words is None:
+            return set()
+        return {
+            plain(split_name(entry.value).name)
+            for entry in self.table.header
+            if AXIS.search(plain(entry.key)) and words.search(plain(entry.key))
+        }
 
     def find(self, role: str) -> tuple[int, Unit] | None:
         """The column of a role with its unit, or None; an unknown unit is an error."""
@@ -157,7 +189,10 @@ class Chosen:
             text = self.unit_of(column, role)
             unit = self.implied(i, role, text) or parse_unit(text)
             if unit is None and not text and dimension == "strain" and self.fractions:
-                unit = Unit("strain", 1.0)
+                # Numbers that may be per cent are asked for, unless a dialect knows.
+                likely = strain_unit(self.values_of(column))
+                if self.rules.unitless or likely == "mm/mm":
+                    unit = Unit("strain", 1.0)
             if unit is not None and unit.dimension == dimension:
                 if unclear is not None and rank(role, unclear.plain) == 0:
                     self.refuse(unclear, role)
@@ -220,18 +255,42 @@ class Chosen:
                 "and name the unit in its heading"
             )
         raise Lacking(
-            units={column.name: role}, unknown={column.name: text} if text else None
+            units={column.name: role},
+            unknown={column.name: text} if text else None,
+            values={column.name: self.values_of(column)},
         )
 
-    def unit_of(self, column: Column, role: str) -> str:
-        return self.given_unit(column) or self.options.units.get(role) or column.unit
+    def values_of(self, column: Column) -> Array:
+        """The numbers (n,) of a column, whatever its unit; NaN where there are none."""
+        i = self.table.columns.index(column)
+        try:
+            return numbers(self.table, i, self.decimal, skip_bad=True)[0]
+        except InputError:
+            return np.full(len(self.table.rows), np.nan)
 
-    def given_unit(self, column: Column) -> str:
-        """The unit that the user gave for this column by its name, "" for none."""
-        for name, unit in self.options.units.items():
-            if name in (column.name, str(column)) or plain(name) == column.plain:
-                return unit
-        return ""
+    def unit_of(self, column: Column, role: str) -> str:
+        """The unit of a column: given by its name, or by its role, or in the file."""
+        for own in (True, False):
+            here = [(k, n, u) for k, of, n, u in self.units if of == own]
+            for key, name, unit in here:
+                if name in (column.name, str(column)) or plain(name) == column.plain:
+                    self.typed.add(key)
+                    return unit
+            for key, name, unit in here:
+                if name == role:
+                    self.typed.add(key)
+                    return unit
+        return column.unit
+
+    def in_vain(self) -> list[str]:
+        """Units given that no column of this table is read by."""
+        named = {
+            key
+            for key, _, name, _ in self.units
+            for c in self.table.columns
+            if name in (c.name, str(c)) or plain(name) == c.plain
+        }
+        return [key for key, *_ in self.units if key not in self.typed | named]
 
     @property
     def fractions(self) -> bool:
@@ -333,8 +392,11 @@ class Chosen:
                 differs = np.abs(a - b).max() > DIFFERS * np.ptp(a) > 0
             if good.any() and differs:
                 rivals.append(str(column))
-        if rivals and role == "strain":
-            self.refuse_directions(used)
+        if self.table.columns[used].plain in self.axes_told(role):
+            self.notes.append(f"{self.used[role]!r} is the axis that the header names")
+            return
+        if rivals and role in ("strain", "force"):
+            self.refuse_directions(used, role)
         if rivals:
             self.notes.append(
                 f"{self.used[role]!r} is taken as {role}, not {', '.join(rivals[:3])}"
@@ -342,18 +404,18 @@ class Chosen:
                 f"one is named with --{role}"
             )
 
-    def refuse_directions(self, used: int) -> None:
-        """Raise where strains of several directions stand side by side."""
-        columns = [self.table.columns[i] for i in self.candidates("strain")]
+    def refuse_directions(self, used: int, role: str) -> None:
+        """Raise where strains or forces of several directions stand side by side."""
+        columns = [self.table.columns[i] for i in self.candidates(role)]
         if not DIRECTION.search(self.table.columns[used].plain):
             return
-        several = {m[1]: c for c in columns if (m := DIRECTION.search(c.plain))}
+        several = {m[1] or m[2]: c for c in columns if (m := DIRECTION.search(c.plain))}
         if len(several) > 1:
             names = [c.name for c in several.values()]
+            options = [f"--{role} {shlex.quote(name)}" for name in names[:3]]
             raise InputError(
-                f"strains of {len(several)} directions: {', '.join(map(repr, names))}; "
-                f"name the one along the pull with --strain {shlex.quote(names[0])} or "
-                f"--strain {shlex.quote(names[1])}"
+                f"{role}s of {len(several)} directions: {', '.join(map(repr, names))}; "
+                f"name the one along the pull with {' or '.join(options)}"
             )
 
     def flipped(self, column: Column, role: str) -> bool:
@@ -361,7 +423,8 @@ class Chosen:
         if role == "time":
             return False
         axis = "strain" if role in ("strain", "displacement") else "stress"
-        return self.compressive(column, role) != (axis in self.options.flip)
+        turned = self.options.flips(axis, self.table.file)
+        return self.compressive(column, role) != turned
 
     def compressive(self, column: Column, role: str) -> bool:
         """Whether compression counts as positive in a column."""

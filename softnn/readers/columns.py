@@ -13,8 +13,8 @@ _BRACKETS = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*\.?$", re.DOTALL)
 # `Load (N)` in the names of an R data frame is `Load..N.`.
 _DOTS = re.compile(r"^(\S*?[^.\s])\.{1,2}([^.\s]+(?:\.[^.\s]+)?)\.$")
 _DOTS_ALONE = re.compile(r"^(\S*[^.\s])(\.{4})$")
-_LOOSE = re.compile(
-    r"^(.*\S)(?:\s*/\s*|\s+in\s+|\s*,\s*|\s+-\s+|\s*:\s+|_|\.(?=[A-Za-z%]+$))(\S+)$"
+_BREAK = re.compile(
+    r"(?<=\S)(?:\s*/\s*|\s+in\s+|\s*,\s*|\s+-\s+|\s*:\s+|_|\.(?=[A-Za-z%]+$))(?=\S+$)"
 )
 
 
@@ -50,6 +50,8 @@ def split_name(text: str) -> Column:
 
     >>> split_name("Force (kN)"), split_name("Size_mm")
     (Column(name='Force', unit='kN'), Column(name='Size', unit='mm'))
+    >>> split_name("Spannung in N/mm2"), split_name("Speed_mm/s")
+    (Column(name='Spannung', unit='N/mm2'), Column(name='Speed', unit='mm/s'))
     >>> split_name("Load..N."), split_name("Strain.mm.mm.")
     (Column(name='Load', unit='N'), Column(name='Strain', unit='mm/mm'))
     """
@@ -57,11 +59,11 @@ def split_name(text: str) -> Column:
     match = _BRACKETS.match(text)
     if match and match[1].strip():
         return Column(match[1].strip(), match[2].strip() or "-")
-    match = _LOOSE.match(text)
-    # `Strain_1` is a name with a number, not a strain in units of one.
-    known = match and (parse_unit(match[2]) or match[2] in WEIGHTS)
-    if match and known and not match[2].isdigit():
-        return Column(match[1].strip(), match[2])
+    for at in _BREAK.finditer(text):  # the first: `Spannung in N/mm2` is no area
+        unit = text[at.end() :]
+        # `Strain_1` is a name with a number, not a strain in units of one.
+        if (parse_unit(unit) or unit in WEIGHTS) and not unit.isdigit():
+            return Column(text[: at.start()].strip(), unit)
     match = _DOTS.match(text)
     for unit in (match[2], match[2].replace(".", "/")) if match else ():
         if match and parse_unit(unit):

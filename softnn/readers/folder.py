@@ -15,19 +15,21 @@ import hashlib
 import io
 import os
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from softnn import progress
 from softnn.contracts import InputError, nearest
 from softnn.json_file import write_text
-from softnn.readers.lacking import Lacking, NoRecording
-from softnn.readers.options import ReadOptions
+from softnn.readers.lacking import Lacking, NoRecording, together
+from softnn.readers.options import ReadOptions, is_called
 from softnn.readers.sizes import NAMES, TABLE, called, row_of, specimens, table_of
+from softnn.readers.vocabulary import WHOSE, plain
 from softnn.recording import Recording
 
 SUFFIXES = (
@@ -36,7 +38,8 @@ SUFFIXES = (
 )  # fmt: skip
 # Beside recordings, and known to be none: about a case, or made by softnn.
 ABOUT = ("case.toml", "index.csv", "README.md", "SOURCE.md")
-PLOTS = (".png",)  # made by `softnn read`
+PLOTS = (".png",)  # made by `softnn read`, beside the recording of that name
+ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz")
 FEWEST, MOST_OF = 16, 0.9  # samples, and share of the time, of a thinned copy
 SAME = 2e-4  # of the range, within which two recordings are copies: four digits
 
@@ -67,9 +70,11 @@ def files_of(folder: Path, skip: Sequence[str] = ()) -> tuple[list[Path], list[s
                 name[:1] == "."
                 or name in ABOUT
                 or name.casefold() in NAMES
-                or path.suffix.lower() in PLOTS
+                or (path.suffix.lower() in PLOTS and _beside(path, names))
             ):
                 continue
+            elif path.suffix.lower() in ARCHIVES:
+                notes.append(f"{shown}: an archive, not read; unpack it in the folder")
             elif path.suffix.lower() not in SUFFIXES:
                 notes.append(f"{shown}: not a kind of file read")
             elif path.is_file():
@@ -79,6 +84,10 @@ def files_of(folder: Path, skip: Sequence[str] = ()) -> tuple[list[Path], list[s
             else:
                 notes.append(f"{shown}: not a plain file, not read")
     return files, notes
+
+
+def _beside(plot: Path, names: Sequence[str]) -> bool:
+    return plot.with_suffix(".csv").name in names
 
 
 def skipped(name: str, skip: Sequence[str]) -> bool:
@@ -91,14 +100,17 @@ def read_files(
     files: Sequence[Path],
     options: ReadOptions,
     read: Reader,
+    passed: Sequence[str] = (),
 ) -> Found:
     """Recordings of the files; those of `folder` may be no test, others must be one.
 
+    `passed`: notes on files of the folder that are not among them.
     Raises one `InputError` for all files that cannot be read, `Lacking` where nothing
     but sizes and units is missing.
     """
     sizes = {} if folder is None else specimens(folder)
-    found, lacking, wrong = Found(), dict[str, Lacking](), dict[str, InputError]()
+    found = Found(notes=list(passed))
+    lacking, wrong = dict[str, Lacking](), dict[str, InputError]()
     used: set[str] = set()
     copies = _copies(files)
     progress.stage("reading", len(files))
@@ -133,12 +145,41 @@ def read_files(
             file=table_of(folder),
             column="file",
         )
-    _refuse(wrong, lacking, len(files), folder)
+    _refuse(wrong, lacking, len(files), folder, bool(found.recordings))
     if not found.recordings:
         raise InputError(_none(found.notes), file=folder)
+    check_given(options, found.recordings, files)
     _uncopied(found)
+    _unlabelled(found)
     _named(found)
     return found
+
+
+def check_given(
+    options: ReadOptions, recordings: Sequence[Recording], files: Sequence[Path]
+) -> None:
+    """Raise `InputError` for a unit or a sign that was given and acts on nothing."""
+    read = [r.log[0].arguments if r.log else {} for r in recordings]
+    names = [f.name for f in files]
+    for what, key in (*(("unit", k) for k in options.units), ("flip", options.flip)):
+        file, mark, _ = key.partition(":")
+        meant = [f for f in files if is_called(f, file)]
+        if mark and not meant and (what == "flip" or all(_vain(key, a) for a in read)):
+            raise InputError(
+                f"--{what} {shlex.quote(key)}: no file {file!r} here"
+                f"{nearest(file, names)}"
+            )
+        if what == "unit" and read and all(_vain(key, a) for a in read):
+            used = read[0].get("columns", {})
+            told = ", ".join(f"{role} is from {c!r}" for role, c in used.items())
+            raise InputError(
+                f"--unit {shlex.quote(f'{key}={options.units[key]}')} acts on nothing: "
+                f"no column is called so, and {told}"
+            )
+
+
+def _vain(key: str, read: Mapping[str, Any]) -> bool:
+    return key in read.get("in_vain", ())
 
 
 def _copies(files: Sequence[Path]) -> dict[Path, Path]:
@@ -179,10 +220,11 @@ def _refuse(
     lacking: dict[str, Lacking],
     count: int,
     folder: Path | None,
+    others: bool,
 ) -> None:
     if not wrong and not lacking:
         return
-    if len(wrong) + len(lacking) == 1:
+    if len(wrong) + len(lacking) == 1 and (wrong or not others):
         raise next(iter((*wrong.values(), *lacking.values())))
     if wrong:
         told = "; ".join(str(e) for e in list(wrong.values())[:5])
@@ -194,9 +236,7 @@ def _refuse(
             f"{len(wrong)} of {count} files cannot be read: {told}{more}{also}{leave}",
             file=folder,
         )
-    whole = next(iter(lacking.values()))
-    for one in lacking.values():
-        whole = whole.and_also(one)
+    whole = together(lacking, others)
     alike = all(
         one.sizes == whole.sizes and one.units == whole.units
         for one in lacking.values()
@@ -207,6 +247,8 @@ def _refuse(
         whole.sizes,
         whole.units,
         unknown=whole.unknown,
+        likely=whole.likely,
+        values=whole.values,
         have=whole.have,
         said=f"{len(lacking)} of {count} files lack facts: {names}{each}. {whole}",
         file=folder,
@@ -225,8 +267,11 @@ def _some(names: Sequence[str], most: int = 5) -> str:
 
 
 def _none(notes: Sequence[str]) -> str:
-    what = f"; passed over: {'; '.join(notes[:5])}" if notes else ""
-    return f"no recordings; files of these kinds are read: {', '.join(SUFFIXES)}{what}"
+    kinds = f"files of these kinds are read: {', '.join(SUFFIXES)}"
+    if not notes:
+        return f"no recordings; {kinds}"
+    more = f" and {len(notes) - 5} more" if len(notes) > 5 else ""
+    return f"no recordings; passed over: {'; '.join(notes[:5])}{more}; {kinds}"
 
 
 def copy_of(one: Recording, others: Sequence[Recording]) -> Recording | None:
@@ -300,6 +345,26 @@ def _place(one: Recording, other: Recording) -> str:
     """Where a recording is from, with the folder where the names are the same."""
     here, there = (Path(r.source).name or r.name for r in (one, other))
     return one.source if here == there and one.source else here
+
+
+def _unlabelled(found: Found) -> None:
+    """No specimen of a line that stands alone above the names in all of the files.
+
+    It is a title. One that says that it names a specimen stays.
+    """
+    labels = [
+        r.log[0].arguments.get("label") if r.log else None for r in found.recordings
+    ]
+    sources = {r.source for r in found.recordings}
+    if len(sources) < 2 or len(set(labels)) > 1 or not labels[0]:
+        return
+    if WHOSE.search(plain(labels[0]).partition(" ")[0]):
+        return
+    found.recordings = [replace(r, specimen="") for r in found.recordings]
+    found.notes.append(
+        f"{labels[0][:40]!r} above the columns of all files is taken as a title, not "
+        "as the name of one specimen"
+    )
 
 
 def _uncopied(found: Found) -> None:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
-from softnn.contracts import InputError
+import numpy as np
+
+from softnn.contracts import Array, InputError
+from softnn.plausible import spelt
+from softnn.readers.guess import UNITS, strain_unit, stress_unit, time_unit
 from softnn.readers.units import known
 from softnn.readers.vocabulary import DIMENSION
 
@@ -35,7 +40,9 @@ class Lacking(InputError):
     """A recording that does not say all that stress and strain are made of.
 
     `sizes`: "area" or "length" of the specimen, or "time"; `units`: role of each
-    column without a known unit, by its name; `have`: the columns that are there.
+    column without a known unit, by its name, `FILE:NAME` where it is of one file alone;
+    `likely`: the unit that its numbers speak for, "" or absent where they may be
+    either; `have`: the columns that are there.
     """
 
     def __init__(
@@ -44,6 +51,8 @@ class Lacking(InputError):
         units: Mapping[str, str] | None = None,
         *,
         unknown: Mapping[str, str] | None = None,
+        likely: Mapping[str, str] | None = None,
+        values: Mapping[str, Array] | None = None,
         have: str = "",
         said: str = "",
         file: str | Path | None = None,
@@ -51,17 +60,19 @@ class Lacking(InputError):
         self.sizes = tuple(s for s in ("area", "length", "time") if s in sizes)
         self.have = have
         self.units, self.unknown = dict(units or {}), dict(unknown or {})
+        self.likely, self.values = dict(likely or {}), dict(values or {})
         super().__init__(said or self._said(), file=file)
 
     def _said(self) -> str:
         parts = []
         for column, role in self.units.items():
-            text = self.unknown.get(column, "")
+            text, likely = self.unknown.get(column, ""), self.likely.get(column, "")
             what = f"has the unit {text!r}, unknown here" if text else "has no unit"
+            unit = likely or "UNIT"
             parts.append(
-                f"column {column!r} {what}; give it with --unit "
-                f"'{column}={USUAL[role]}', or in place of {USUAL[role]} one of: "
-                f"{known(DIMENSION[role])}"
+                f"column {column!r} {what}; give it with --unit '{column}={unit}', or "
+                f"in place of {unit} one of: {known(DIMENSION[role])}"
+                + self._makes(column)
             )
         if "area" in self.sizes:
             both = "length" in self.sizes
@@ -81,13 +92,57 @@ class Lacking(InputError):
             )
         return ". ".join(parts)
 
+    def _makes(self, column: str) -> str:
+        """The numbers of a column, and what the likely unit makes of them."""
+        values, likely = self.values.get(column), self.likely.get(column, "")
+        if values is None or not np.isfinite(values).any():
+            return ""
+        role, top = self.units[column], float(np.nanmax(np.abs(values)))
+        said = f". It goes to {top:.4g}"
+        if role == "strain":
+            units = [likely] if likely else ["mm/mm", "%"]
+            told = [f"{100 * top * UNITS[role][u]:.4g} % in {u}" for u in units]
+            return f"{said}: {' or '.join(told)}"
+        if role == "time":
+            lasts = float(np.nanmax(values) - np.nanmin(values))
+            units = [likely] if likely else ["s", "ms"]
+            told = [f"{spelt(lasts * UNITS[role][u])} in {u}" for u in units]
+            return f"{said}: {' or '.join(told)}"
+        return said
+
+    def judged(self, strain: Array | None, columns: Mapping[str, str]) -> Lacking:
+        """The same with the units that the numbers speak for.
+
+        `strain` (n,) as a fraction, None where it is not known; `columns`: the columns
+        without a unit that are used, by role.
+        """
+        likely = {}
+        if (name := columns.get("strain")) is not None:
+            likely[name] = strain_unit(self.values[name])
+            if likely[name]:
+                strain = self.values[name] * UNITS["strain"][likely[name]]
+        for role, judge in (("stress", stress_unit), ("time", time_unit)):
+            if (name := columns.get(role)) is not None:
+                likely[name] = judge(self.values[name], strain)
+        for role in ("force", "displacement", "temperature"):
+            if (name := columns.get(role)) is not None:
+                likely[name] = USUAL[role]
+        return Lacking(
+            self.sizes,
+            self.units,
+            unknown=self.unknown,
+            likely=likely,
+            values=self.values,
+            have=self.have,
+        )
+
     @property
     def options(self) -> list[str]:
-        """The words that a command lacks, with the usual units."""
+        """The words that a command lacks, with the units that the numbers speak for."""
         units = [
             word
-            for column, role in self.units.items()
-            for word in ("--unit", f"{column}={USUAL[role]}")
+            for column in self.units
+            for word in ("--unit", f"{column}={self.likely.get(column) or 'UNIT'}")
         ]
         sizes = [word for s in self.sizes for word in ASKED[s]]
         return [*units, *sizes]
@@ -98,8 +153,38 @@ class Lacking(InputError):
             (*self.sizes, *other.sizes),
             self.units | other.units,
             unknown=self.unknown | other.unknown,
+            likely=self.likely | other.likely,
+            values=self.values | other.values,
             have=self.have or other.have,
         )
+
+
+def together(lacking: Mapping[str, Lacking], others: bool) -> Lacking:
+    """What several files lack, by file; `others`: whether more files lack nothing.
+
+    A unit is asked for by the name of the file where other files have a column of that
+    name in another unit, or with numbers that speak for another.
+    """
+    units: dict[str, str] = {}
+    about: Any = {"unknown": {}, "likely": {}, "values": {}}
+    for column in dict.fromkeys(c for one in lacking.values() for c in one.units):
+        of = {file: one for file, one in lacking.items() if column in one.units}
+        likely = [one.likely.get(column, "") for one in of.values()]
+        usual = max(dict.fromkeys(likely), key=likely.count)
+        for file, one in of.items():
+            alike = one.likely.get(column, "") == usual
+            general = alike and not others and len(of) == len(lacking)
+            key = column if general else f"{file}:{column}"
+            units[key] = one.units[column]
+            for name, values in about.items():
+                if column in getattr(one, name):
+                    values[key] = getattr(one, name)[column]
+    return Lacking(
+        {s for one in lacking.values() for s in one.sizes},
+        units,
+        have=next((one.have for one in lacking.values() if one.have), ""),
+        **about,
+    )
 
 
 def placed(error: InputError, file: str | Path) -> InputError:
@@ -111,6 +196,8 @@ def placed(error: InputError, file: str | Path) -> InputError:
             error.sizes,
             error.units,
             unknown=error.unknown,
+            likely=error.likely,
+            values=error.values,
             have=error.have,
             said=str(error),
             file=file,

@@ -129,11 +129,41 @@ def _change(tables: Sequence[Table]) -> str:
     return ""
 
 
+_GROUPED = {m: re.compile(rf"[-+]?[1-9]\d{{0,2}}(\{m}\d{{3}})+") for m in ",."}
+
+
+def _thousands(table: Table, index: int, mark: str) -> str:
+    """A cell in which a mark can only part thousands, "" where there is none.
+
+    It stands in a column of whole numbers of three digits and more, where no other
+    cell has that mark.
+    """
+    other = "." if mark == "," else ","
+    first, large = "", False
+    for text in table.cells(index):
+        if not isinstance(text, str):
+            continue
+        head = text.partition(other)[0]
+        if mark in text:
+            if not _GROUPED[mark].fullmatch(head):
+                return ""
+            first = first or text
+        elif len(head.strip("+-")) == 3 and NUMBER.fullmatch(text):
+            large = True
+    return first if large else ""
+
+
 def decimal_mark(tables: Sequence[Table], file: Path) -> str:
     """The decimal mark of a file: the one its numbers show.
 
-    "" where each column has its own. Both in one column are refused.
+    "" where each column has its own. Both in one column are refused, and so are marks
+    that may part thousands where no other column tells.
     """
+    parts = {
+        mark: [t for table in tables for i in range(len(table.columns))
+               if (t := _thousands(table, i, mark))]
+        for mark in ",."
+    }  # fmt: skip
     comma = point = grouped = 0
     for table in tables:
         for row in table.rows[:500] + table.rows[-100:]:
@@ -152,6 +182,16 @@ def decimal_mark(tables: Sequence[Table], file: Path) -> str:
                         comma += 1
                 elif cell.count(".") == 1:
                     point += 1
+    for mark, decimal, count in ((".", ",", comma), (",", ".", point)):
+        if parts[mark] and count:
+            return decimal
+    if parts["."]:
+        raise InputError(
+            f"{parts['.'][0]!r} stands among whole numbers of three digits: do points "
+            "part thousands there? Say which mark is the decimal one with --decimal , "
+            "or --decimal .",
+            file=file,
+        )
     if comma and point:
         # One mark in a handful of cells among thousands: damage, found when read.
         if min(comma, point) * 20 > max(comma, point):

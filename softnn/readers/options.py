@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
 
 from softnn.contracts import InputError
 from softnn.recording import Geometry
+
+_ENDING = re.compile(r"\.[A-Za-z]\w{0,5}")  # `0.1mm` has none, `a.tra` has one
 
 
 @dataclass(frozen=True)
@@ -17,10 +23,11 @@ class ReadOptions:
     gives the time as well, and also replaces a faulty clock.
 
     `time` ... `temperature` name the column to use; `units` gives units by column name,
-    `{"Force": "kN"}`. `compression`: the file counts compression positive. `flip`:
-    "strain" or "stress", if the file has its sign reversed. `zero`: count strain and
-    displacement from the start of the recording. `skip_bad_cells`: cells that are no
-    numbers are missing values.
+    `{"Force": "kN"}`, or of one file alone, `{"fast.csv:Force": "kN"}`. `compression`:
+    the file counts compression positive. `flip`: "strain" or "stress", if the file has
+    its sign reversed; of one file alone, "fast.csv:strain". `zero`: count strain and
+    displacement from the start of the recording. `zero_stress`: count force and stress
+    from there. `skip_bad_cells`: cells that are no numbers are missing values.
     """
 
     length_mm: float | None = None
@@ -41,6 +48,7 @@ class ReadOptions:
     compression: bool = False
     flip: str = ""
     zero: bool = False
+    zero_stress: bool = False
     skip_bad_cells: bool = False
     specimen: str = ""
     material: str = ""
@@ -56,9 +64,18 @@ class ReadOptions:
                     )
         if self.decimal not in ("", ".", ","):
             raise InputError(f"decimal is {self.decimal!r}; allowed is '.' or ','")
+        if self.flip.rpartition(":")[2] not in ("", "strain", "stress"):
+            raise InputError(
+                f"flip is {self.flip!r}; allowed: 'strain', 'stress', or one of them "
+                "of one file, as 'fast.csv:strain'"
+            )
 
-        if self.flip not in ("", "strain", "stress"):
-            raise InputError(f"flip is {self.flip!r}; allowed: 'strain', 'stress'")
+        self.geometry.check("in the options")
+
+    def flips(self, axis: str, file: str | Path) -> bool:
+        """Whether the sign of "strain" or "stress" is reversed in a file."""
+        name, mark, turned = self.flip.rpartition(":")
+        return turned == axis and (not mark or is_called(file, name))
 
     @property
     def has_area(self) -> bool:
@@ -67,6 +84,37 @@ class ReadOptions:
     @property
     def geometry(self) -> Geometry:
         return Geometry(**{f.name: getattr(self, f.name) for f in fields(Geometry)})
+
+
+def name_of(file: str | Path) -> str:
+    """The name of a recording: that of its file without the endings.
+
+    >>> name_of("pull_0.1mm_s.csv"), name_of("lab/a.csv.gz"), name_of("Specimen_1.TRA")
+    ('pull_0.1mm_s', 'a', 'Specimen_1')
+    """
+    path = Path(file)
+    if path.suffix.lower() == ".gz":
+        path = path.with_suffix("")
+    return path.stem if _ENDING.fullmatch(path.suffix) else path.name
+
+
+def is_called(file: str | Path, name: str) -> bool:
+    """Whether a user's name or pattern means a file: with folder and ending or without.
+
+    >>> is_called("lab/day 1/fast.csv", "day 1/fast"), is_called("fast.csv", "f*.csv")
+    (True, True)
+    >>> is_called("lab/fast.csv", "lab/slow.csv"), is_called("fast.csv", "")
+    (False, False)
+    """
+    return any(name == n or fnmatchcase(n, name) for n in _names(file))
+
+
+def _names(file: str | Path) -> Iterator[str]:
+    path = PurePosixPath(Path(file).as_posix())
+    for k in range(1, len(path.parts) + 1):
+        part = PurePosixPath(*path.parts[-k:])
+        yield part.as_posix()
+        yield part.with_suffix("").as_posix()
 
 
 @dataclass(frozen=True)

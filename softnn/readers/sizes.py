@@ -18,6 +18,7 @@ from softnn.readers.columns import split_name
 from softnn.readers.source import open_source
 from softnn.readers.units import Unit, parse_unit
 from softnn.readers.vocabulary import GEOMETRY, LENGTHS, REMARK, SPECIMEN, WHOSE
+from softnn.recording import Geometry
 
 SIZES = ("length_mm", "width_mm", "thickness_mm", "area_mm2", "diameter_mm")
 SECTION = ("area_mm2", "width_mm", "thickness_mm", "diameter_mm")
@@ -67,10 +68,14 @@ def read_sizes(path: Path) -> dict[str, dict[str, Any]]:
             continue
         if name in found:
             raise InputError(f"{name!r} is there twice", file=path, row=number)
-        found[name] = {
+        one = found[name] = {
             k: text if unit is None else _size(text, unit, path, number, k)
             for k, (text, unit) in row.items()
         }
+        try:
+            Geometry(**{k: one.get(k) for k in SIZES}).check("of this row")
+        except InputError as error:
+            raise InputError(str(error), file=path, row=number) from None
     return found
 
 

@@ -352,7 +352,11 @@ def split_lines(
     for number, (line, row) in enumerate(zip(lines, split, strict=True), start=1):
         if len(row) > MAX_COLUMNS:
             raise InputError(
-                f"{len(row)} columns; allowed are {MAX_COLUMNS}", file=path, row=number
+                f"{len(row)} columns; allowed are {MAX_COLUMNS}; if each row is a "
+                "channel, save it with each channel in a column (Paste Special, "
+                "Transpose, in a spreadsheet program)",
+                file=path,
+                row=number,
             )
         grid.append([c.strip() for c in row] if " " in line else list(row))
     return grid

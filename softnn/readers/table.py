@@ -13,7 +13,7 @@ import numpy as np
 from softnn.contracts import Array, InputError
 from softnn.readers.columns import Column, is_number, split_name
 from softnn.readers.header import Entry, entries
-from softnn.readers.source import Cell, Grid, quantity
+from softnn.readers.source import MAX_COLUMNS, Cell, Grid, quantity
 from softnn.readers.units import parse_unit, unit_text
 from softnn.readers.vocabulary import WHICH, WHOSE, plain, rank
 
@@ -175,6 +175,15 @@ def _fitted(cells: Sequence[Cell], width: int, unitless: bool) -> list[Cell]:
     return merged if len(merged) == width else cells
 
 
+_MARKER = re.compile(
+    r"^\s*([<\[{(].*[>\]})]|[\W_]*|[\W_]*((begin|start|end) )?(of )?"
+    r"((raw|test|measured|measurement|experimental|export(ed)?|channel|sensor) )*"
+    r"(data|values?|table|results?|recordings?|samples?|points|readings?|curves?|"
+    r"messwerte|daten|donnees|datos|dati|dane)[\W_]*)\s*$",
+    re.I,
+)
+
+
 def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
     """Every block of numbers in the grid, each with the lines above it as header.
 
@@ -182,6 +191,7 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
     """
     ragged = bool(sheet)  # worksheets end rows at the last filled cell
     grid, cell_units = without_units(grid, file, sheet)
+    where = f"{file}, sheet {sheet!r}" if sheet else file
     tables: list[Table] = []
     head: list[int] = []  # filled rows since the last table
     bare = 0  # rows of numbers in a run, without names above them
@@ -198,7 +208,7 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
                 raise InputError(
                     "numbers without column names above them; add a header such as "
                     "time_s,strain,stress_MPa, or mend the row before them",
-                    file=file,
+                    file=where,
                     row=i - 3,
                 )
             if _filled(row):
@@ -255,7 +265,8 @@ def find_tables(grid: Grid, file: Path, sheet: str = "") -> list[Table]:
         label = ""
         if above and above[-1] == names_at - 1 and len(_filled(grid[above[-1]])) == 1:
             label = str(_filled(grid[above[-1]])[0]).strip("# ")
-            label = "" if re.search("[:=]", label) else label  # a line of the header
+            # A line of the header, or a marker of the format, names no specimen.
+            label = "" if re.search("[:=]", label) or _MARKER.search(label) else label
         columns, told = _with_units(_columns(names, units), cell_units)
         table = Table(
             file,
@@ -364,15 +375,42 @@ def _with_units(
     return tuple(out), notes
 
 
-def in_rows(grid: Grid) -> bool:
-    """Whether a name and many numbers stand in each row, a channel a row."""
-    rows = [row for row in grid if len(_filled(row)) > 5]
-    names = [
-        plain(split_name(str(row[0])).name)
-        for row in rows
-        if not is_number(row[0]) and all(map(is_number, _filled(row)[1:]))
+def upright(grid: Grid) -> Grid | None:
+    """The grid with a channel a column, where it has one a row; None where it has not.
+
+    A row of a channel is a name, perhaps a unit, and numbers; the lines above stay.
+
+    >>> upright([["Time (s)", *range(7)], ["Force (N)", *range(7)]])[1:3]
+    [[0, 0], [1, 1]]
+    """
+    if len(grid) > MAX_COLUMNS:
+        return None
+    kept: list[tuple[Cell, Cell, list[Cell]]] = []
+    head: Grid = []
+    for row in grid:
+        cells = _strip_end(row)
+        unit = len(cells) > 1 and isinstance(cells[1], str) and not is_number(cells[1])
+        values = cells[1 + unit :]
+        if (
+            len(_filled(values)) < 5
+            or is_number(cells[0])
+            or not all(map(is_number, _filled(values)))
+        ):
+            if not kept:
+                head.append(row)
+            continue
+        kept.append((cells[0], cells[1] if unit else "", values))
+    names = [plain(split_name(str(name)).name) for name, *_ in kept]
+    if len(names) < 2 or not any(rank("time", name) is not None for name in names):
+        return None
+    out = [*head, [name for name, *_ in kept]]
+    if any(unit for _, unit, _ in kept):
+        out.append([unit for _, unit, _ in kept])
+    longest = max(len(values) for *_, values in kept)
+    return out + [
+        [values[k] if k < len(values) else "" for *_, values in kept]
+        for k in range(longest)
     ]
-    return len(names) > 1 and any(rank("time", name) is not None for name in names)
 
 
 def _names_above(grid: Grid, head: list[int]) -> tuple[int | None, int | None]:

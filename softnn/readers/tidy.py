@@ -238,7 +238,8 @@ def numbers(column: pd.Series, path: Path) -> np.ndarray:
             else ""
         )
         raise InputError(
-            f"{cell!r} is not a number{hint}",
+            f"{cell!r} is not a number{hint}; repair it, or read such cells as missing "
+            "with --skip-bad-cells",
             file=path,
             row=i + 2,
             column=str(column.name),

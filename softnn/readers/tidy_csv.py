@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from softnn.axes import axes_of
+from softnn.contracts import InputError
 from softnn.readers.assemble import ROUNDED, read_source
 from softnn.readers.clocks import spread
 from softnn.readers.options import ReadOptions, Rules
@@ -23,8 +24,14 @@ def recognises(source: Source) -> bool:
 
 
 def read(source: Source, options: ReadOptions) -> list[Recording]:
+    names = [n.strip() for n in source.head.split("\n", 1)[0].split(",")]
+    twice = next((n for n in names if n and names.count(n) > 1), None)
+    if twice:
+        raise InputError(
+            f"column {twice!r} is there twice; rename or delete one", file=source.path
+        )
     if _changed(source, options) or _with_units(source):
-        return read_source(source, Rules(NAME), options)
+        return read_source(source, Rules(NAME, unitless=True), options)
     about = {"specimen": options.specimen, "material": options.material}
     about["test"] = options.test
     recording = read_tidy(source.path, **about, rate_per_s=options.rate_per_s)
@@ -65,6 +72,7 @@ def _changed(source: Source, options: ReadOptions) -> bool:
         or options.decimal == ","
         or options.compression
         or options.zero
+        or options.zero_stress
         or options.flip
         or options.skip_bad_cells
         or options.interval_s is not None

@@ -19,19 +19,36 @@ from dataclasses import replace
 import numpy as np
 
 from softnn.contracts import InputError
-from softnn.readers.assemble import recordings
+from softnn.readers.assemble import SWEEP, recordings
+from softnn.readers.columns import Column
 from softnn.readers.header import Entry, entries, header_number
 from softnn.readers.numbers import decimal_mark, numbers
 from softnn.readers.options import ReadOptions, Rules
 from softnn.readers.source import Source
 from softnn.readers.table import Table, find_tables
-from softnn.readers.units import convert
+from softnn.readers.units import convert, unit_text
 from softnn.readers.vocabulary import STEP_CLOCK
 from softnn.recording import Recording
 
 NAME = "TA TRIOS"
 _FORCES = ("axial force", "normal force")
 _SHEAR = {"stress", "strain"}
+CLOCKS = ("time", "test time", "step time")
+SHEAR = Rules(
+    NAME,
+    columns={
+        "time": CLOCKS,
+        "force": (),
+        "stress": ("stress", "shear stress"),
+        "strain": ("strain", "shear strain"),
+        "displacement": (),
+    },
+    notes=("stress and strain of a rotation: shear",),
+)
+_TORQUE_Nm = {"n.m": 1.0, "nm": 1.0, "mn.m": 1e-3, "mnm": 1e-3, "un.m": 1e-6,
+              "unm": 1e-6, "nn.m": 1e-9}  # fmt: skip
+_ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180}
+_STILL = 1e-3  # of the gap, by which it may move in a test that turns
 _SWEEP = {"storage modulus", "loss modulus", "tan delta", "complex viscosity"}
 
 
@@ -45,25 +62,15 @@ def recognises(source: Source) -> bool:
 def read(source: Source, options: ReadOptions) -> list[Recording]:
     table, decimal = one_test(steps(source), source, options)
     options = replace(options, decimal=decimal)
-    clock = ("time", "test time", "step time")
     if _SHEAR <= {c.plain for c in table.columns}:
-        shear = Rules(
-            NAME,
-            columns={
-                "time": clock,
-                "force": (),
-                "stress": ("stress", "shear stress"),
-                "strain": ("strain", "shear strain"),
-                "displacement": (),
-            },
-            notes=("stress and strain of a rotation: shear",),
-        )
-        return recordings([table], shear, options, source.path)
+        return recordings([table], SHEAR, options, source.path)
+    if _turns(table, options):
+        return recordings([_sheared(table, decimal)], SHEAR, options, source.path)
     plate = None if options.has_area else _plate(table)
     axial = Rules(
         NAME,
         columns={
-            "time": clock,
+            "time": CLOCKS,
             "force": _FORCES,
             "stress": (),
             "strain": (),
@@ -77,7 +84,10 @@ def read(source: Source, options: ReadOptions) -> list[Recording]:
 
 
 def steps(source: Source) -> list[Table]:
-    """The tables of all steps, each carrying the lines of the details."""
+    """The tables of all steps, each carrying the lines of the details.
+
+    Without `Material` in them: it is the plate's.
+    """
     tables: list[Table] = []
     details: tuple[Entry, ...] = ()
     for sheet in source.sheets:
@@ -86,7 +96,10 @@ def steps(source: Source) -> list[Table]:
         if not found:
             details += entries(sheet.grid)
         tables += [replace(t, header=details + t.header) for t in found]
-    return tables
+    return [
+        replace(t, header=tuple(e for e in t.header if e.key != "Material"))
+        for t in tables
+    ]
 
 
 def one_test(
@@ -105,7 +118,7 @@ def one_test(
     if not tests:
         raise InputError(
             "holds oscillation or flow only, no history of force and displacement; "
-            "export an axial, ramp or relaxation step",
+            f"{SWEEP}",
             file=source.path,
         )
     decimal = options.decimal or decimal_mark(tests, source.path)
@@ -115,8 +128,9 @@ def one_test(
     names = {c.plain for c in shared}
     if not (names & {*_FORCES, "force", "static force"} or names >= _SHEAR):
         raise InputError(
-            "its steps have no force, or stress and strain, of one unit in common; "
-            "export each of them by itself",
+            f"its steps have only {', '.join(map(str, shared)) or 'no column'} in "
+            "common, and no force, or stress and strain, of one unit; choose the same "
+            "variables for every step in TRIOS, and export the file again",
             file=source.path,
         )
     clock = next((c for c in shared if c.plain in ("time", "test time")), None)
@@ -161,6 +175,79 @@ def one_test(
         sheet="" if len(tests) > 1 else tests[0].sheet,
     )
     return joined, decimal
+
+
+def _turns(table: Table, options: ReadOptions) -> bool:
+    """Whether a plate turned and the gap stood still: torque and angle are the test."""
+    at = {c.plain: i for i, c in enumerate(table.columns)}
+    angle = _angle(table)
+    if "torque" not in at or angle is None:
+        return False
+    if options.force or options.displacement:
+        return False
+    turned, gap = _moves(table, angle), _moves(table, at.get("gap"))
+    return turned > _STILL > gap
+
+
+def _angle(table: Table) -> int | None:
+    return next((i for i, c in enumerate(table.columns)
+                 if c.plain in ("displacement", "angle", "angular displacement")
+                 and unit_text(c.unit).casefold() in _ANGLE), None)  # fmt: skip
+
+
+def _moves(table: Table, index: int | None) -> float:
+    """The range of a column over its largest value."""
+    if index is None:
+        return 0.0
+    values, _ = numbers(table, index, "", skip_bad=True)
+    good = values[np.isfinite(values)]
+    most = float(np.abs(good).max(initial=0.0))
+    return float(np.ptp(good)) / most if most > 0 else 0.0
+
+
+def _sheared(table: Table, decimal: str) -> Table:
+    """The table with shear stress and shear strain, of torque and angle."""
+    constants = {}
+    for entry in table.header:
+        match = re.fullmatch(r"(stress|strain) constant", entry.key.strip().lower())
+        number = re.match(r"[\d.,]+(?:[eE][-+]?\d+)?", entry.value)
+        if match and number and (value := header_number(number[0])) is not None:
+            constants[match[1]] = value
+    if len(constants) < 2:
+        raise InputError(
+            "holds the torque and the angle of a rheometer, and no constants that make "
+            "shear of them; add the variables Stress and Strain in TRIOS, and export "
+            "the file again",
+            file=table.where,
+        )
+    angle = _angle(table)
+    assert angle is not None
+    torque = next(i for i, c in enumerate(table.columns) if c.plain == "torque")
+    unit = unit_text(table.columns[torque].unit).casefold()
+    if unit not in _TORQUE_Nm:
+        raise InputError(
+            f"torque is in {table.columns[torque].unit!r}; known are N.m, mN.m, uN.m",
+            file=table.where,
+        )
+    turn = _ANGLE[unit_text(table.columns[angle].unit).casefold()]
+    stress = numbers(table, torque, decimal)[0] * _TORQUE_Nm[unit] * constants["stress"]
+    strain = numbers(table, angle, decimal)[0] * turn * constants["strain"]
+    width = len(table.columns)
+    rows = [
+        [*row[:width], *[""] * (width - len(row)), float(s), float(e)]
+        for row, s, e in zip(table.rows, stress, strain, strict=True)
+    ]
+    return replace(
+        table,
+        columns=(*table.columns, Column("Stress", "Pa"), Column("Strain", "1")),
+        rows=rows,
+        notes=(
+            *table.notes,
+            "shear stress is torque times the header's stress constant, shear strain "
+            "is angle times its strain constant",
+        ),
+        short=(),
+    )
 
 
 def _plate(table: Table) -> float | None:

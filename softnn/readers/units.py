@@ -164,6 +164,8 @@ def unit_text(text: str) -> str:
     ('N/mm2', 'um')
     """
     text = repair(text).strip().strip("\"'").strip()
+    # A ring above and a masculine ordinal, as keyboards have them for a degree.
+    text = re.sub("[\u02da\u00ba](?=[CFK]\\b)", "\u00b0", text)
     while len(text) > 1 and text[0] + text[-1] in ("()", "[]", "{}", "<>"):
         text = text[1:-1].strip()
     text = unicodedata.normalize("NFKC", text)  # superscript two, micro, degree C

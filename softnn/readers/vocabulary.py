@@ -53,8 +53,13 @@ _LONGER = (
 _TENSOR = r"^(e|eps|epsilon|\u03b5) ?(xx|yy|zz|x|y|z|11|22|33|1|2)\b"
 # The direction of a strain, where its name ends in one.
 DIRECTION = re.compile(
-    r"^(?:e|eps|epsilon|\u03b5|.*\bstrain) ?(xx|yy|zz|x|y|z|11|22|33)\b"
+    r"^(?:e|eps|epsilon|\u03b5|.*\bstrain) ?(xx|yy|zz|x|y|z|11|22|33)\b|"
+    r"^(?:f|force|load|kraft) ?([xyz])\b"
 )
+# Lines of a header that say which axis was loaded, and moved.
+AXIS = re.compile(r"\b(axis|achse|axe|asse|eje|channel|kanal)\b")
+LOADED = re.compile(r"\b(load|force|kraft)\b")
+MOVED = re.compile(r"\b(stage|motion|position|displacement|travel|weg|crosshead)\b")
 
 # What the machine was told, beside what it measured: taken only where it stands alone.
 SET = re.compile(
@@ -73,7 +78,8 @@ _ROLES = {
         "\u65f6\u95f4|\u6642\u9593",
         r"\bstep time\b|\bsegment time\b",
         r"\btime ?stamp\b|\bzeitstempel\b|\bdate ?time\b|\bdatum ?\w* zeit\b|"
-        r"\b(horodatage|epoch|uhrzeit|heure|hora|ora)\b|^clock$|^T$|"
+        r"\b(horodatage|epoch|uhrzeit|heure|hora|ora|godzina|hodina|saat|tijdstip|"
+        r"klockslag|klokkesl\u00e6t)\b|^clock$|^T$|"
         "\u65f6\u523b|\u6642\u523b",
     ),
     "force": (
@@ -142,7 +148,7 @@ DIMENSION = MappingProxyType(
 
 # Columns whose zero is the machine's, not the specimen's.
 ABSOLUTE = re.compile(
-    r"\babsol\w*\b|\bdigital position\b|^(position|pos|gap|size|height)\b|"
+    r"\babsol\w*\b|\b(position|pos)\b|^(gap|size|height)\b|"
     r"\bcapteur de course|" + _HEIGHTS
 )
 HEIGHT = re.compile(r"^(gap|size|height)\b|" + _HEIGHTS)
@@ -163,13 +169,25 @@ GEOMETRY = MappingProxyType(
         field: re.compile(pattern)
         for field, pattern in {
             "area_mm2": r"\b(cross )?section(al)?( area)?\b|\barea\b|\bquerschnitt\w*|"
-            r"^s0$|^a0 area$|\bseccion\b|\bsezione\b|\baire\b|\u9762\u79ef",
+            r"^s0$|^a0 area$|\bseccion\b|\bsezione\b|\baire\b|\u9762\u79ef|"
+            r"\b(przekroj\w*|prurez\w*|prierez\w*|presek|presjek|doorsnede|"
+            r"dwarsdoorsnede|oppervlakte?|tvarsnitt\w*|tv\u00e6rsnit\w*|poikkipinta\w*|"
+            r"keresztmetszet|kesit( alani)?|aria|arie|seccao|secao|"
+            r"\u043f\u043b\u043e\u0449\u0430\u0434\u044c|"
+            r"\u0441\u0435\u0447\u0435\u043d\u0438\u0435)\b|\u65ad\u9762\u7a4d",
             "thickness_mm": r"\bthickness\b|dicke\b|\bepaisseur\b|\bespesor\b|"
-            r"\bspessore\b|^a0$|\u539a\u5ea6",
+            r"\bspessore\b|^a0$|\u539a\u5ea6|"
+            r"\b(grubosc|tloustka|hrubka|dikte|espessura|tjocklek|tykkelse|tykkelsen|"
+            r"vastagsag|kalinlik|grosime|paksuus|debljina|debelina|"
+            r"\u0442\u043e\u043b\u0449\u0438\u043d\u0430)\b|\u539a\u3055",
             "width_mm": r"\bwidth\b|breite\b|\blargeur\b|\bancho\b|\banchura\b|"
-            r"\blarghezza\b|^b0$|\u5bbd\u5ea6",
+            r"\blarghezza\b|^b0$|\u5bbd\u5ea6|"
+            r"\b(szerokosc|sirka|breedte|largura|bredd|bredde|szelesseg|genislik|latime|"
+            r"leveys|sirina|\u0448\u0438\u0440\u0438\u043d\u0430)\b|\u5e45",
             "diameter_mm": r"\bdiameter\b|durchmesser\b|\bdiametre\b|\bdiametro\b|"
-            r"^d0$|\u76f4\u5f84",
+            r"^d0$|\u76f4\u5f84|"
+            r"\b(srednica|prumer|priemer|atmero|cap|diametru|halkaisija|promjer|premer|"
+            r"\u0434\u0438\u0430\u043c\u0435\u0442\u0440)\b",
         }.items()
     }
 )
@@ -190,7 +208,11 @@ LENGTHS = tuple(
             r"\bdistance (between|entre)\b|\bdistan(cia|za) (entre|tra)\b|\u5939\u5177",
             r"\b(specimen|sample|clamp|test) length\b|^length\b|\bheight\b|\bhohe\b|"
             r"\bprobenlange\b|\blongueur\b|\bhauteur\b|\blongitud\b|\baltura\b|"
-            r"\blunghezza\b|\baltezza\b|\u957f\u5ea6|\u9ad8\u5ea6",
+            r"\blunghezza\b|\baltezza\b|\u957f\u5ea6|\u9ad8\u5ea6|\u9577\u3055|"
+            r"\b(dlugosc|wysokosc|delka|vyska|dlzka|lengte|hoogte|comprimento|langd|"
+            r"l\u00e6ngde|lengde|hossz|magassag|uzunluk|yukseklik|lungime|inaltime|pituus|"
+            r"korkeus|duzina|dolzina|visina|\u0434\u043b\u0438\u043d\u0430|"
+            r"\u0432\u044b\u0441\u043e\u0442\u0430)\b",
         ),
     )
 )

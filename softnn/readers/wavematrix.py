@@ -9,12 +9,13 @@ section, `NAME.log` the specimen. Trends (a row a cycle) hold no history in time
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from softnn.contracts import InputError
 from softnn.readers.assemble import read_source
 from softnn.readers.header import entries, header_geometry
-from softnn.readers.options import ReadOptions, Rules
+from softnn.readers.options import ReadOptions, Rules, name_of
 from softnn.readers.source import Source, decode
 from softnn.recording import Recording
 
@@ -74,7 +75,10 @@ def read(source: Source, options: ReadOptions) -> list[Recording]:
         geometry=section.values,
         notes=tuple(notes),
     )
-    return read_source(source, rules, options)
+    return [
+        replace(r, name=r.name.replace(name_of(source.path), stem, 1))
+        for r in read_source(source, rules, options)
+    ]
 
 
 def _side_car(source: Source, name: str) -> str:

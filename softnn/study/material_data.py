@@ -106,6 +106,21 @@ def prepared(settings: Settings) -> list[Data]:
     ]
 
 
+def recorded(settings: Settings, data: Data) -> list[Recording]:
+    """Return the recordings of a material as they are, of which the networks see parts.
+
+    Nothing of virtual specimens, which are seen whole.
+    """
+    if data.is_virtual:
+        return []
+    found = load(settings.data)
+    return [
+        r
+        for r in found
+        if not r.axes.component and (r.material or data.source) == data.material
+    ]
+
+
 def _with_rates(material: str, recordings: list[Recording]) -> list[Recording]:
     """Give recordings of a material that name no rate those of their first loadings."""
     if any(r.rate_per_s is not None for r in recordings):

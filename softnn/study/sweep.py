@@ -215,21 +215,31 @@ class Sweep:
         self.trials.append(trial)
         here = self.settings.split
         best = max(
-            (t for t in self.trials if t.parameters.get("split", here) == here),
+            (
+                t
+                for t in self.trials
+                if t.parameters.get("split", here) == here
+                and t.result.get("stopped_after") is None
+            ),
             key=lambda t: t.result["r2_mean"],
+            default=None,
         )
-        self._bar.set_postfix_str(
-            f"best R2 {100 * best.result['r2_mean']:.3f} %, {describe(best.parameters)}"
-        )
+        if best is not None:
+            r2, words = best.result["r2_mean"], describe(best.parameters)
+            self._bar.set_postfix_str(f"best R2 {100 * r2:.3f} %, {words}")
         self._bar.update()
         return trial
 
     def _log(self, tracker: Tracker, trial: Finished) -> None:
         found = trial.result
         # The run's own figure is the mean; folds are the steps of another.
+        # A trial that was stopped has no such figure: the mean of its first folds is
+        # another, and would stand among those of whole trials.
+        stopped = found.get("stopped_after")
+        end = "" if stopped is None else "_of_folds_run"
         metrics: dict[str, Any] = {
-            "nrmse": found["generalisation_error"],
-            "r2": found["r2_mean"],
+            f"nrmse{end}": found["generalisation_error"],
+            f"r2{end}": found["r2_mean"],
             "gamma": float(np.mean(found["gamma"])),
         }
         for key in ("nrmse", "r2", "gamma", "iterations"):
@@ -249,6 +259,9 @@ class Sweep:
             tags={
                 "folds": ", ".join(found["folds"])[:5000],
                 "note": found["note"],
+                "stopped": "no"
+                if stopped is None
+                else f"after {stopped} of {self.settings.folds} random folds",
                 "softnn.again": json.dumps(self._again(trial)),
             },
         )
@@ -303,10 +316,12 @@ class Sweep:
 
     def register(
         self, network: StoredNetwork, aliases: Sequence[str], about: str = ""
-    ) -> None:
-        """Put a network trained on everything into the registry, by material.
+    ) -> str:
+        """Put a network trained on everything into the registry; return its name.
 
-        `about` says in a sentence what the network is for and how good it is.
+        The name is the material's, with the name of the recordings in front where they
+        name another. `about` says in a sentence what the network is for and how good
+        it is.
         """
         first = self.data.tensile[0]
         rows = slice(None, None, max(1, len(first) // 5))
@@ -316,16 +331,19 @@ class Sweep:
         }
         if first.test == "tensile" and first.rate_per_s is not None:
             example["rate_per_s"] = [first.rate_per_s] * len(example["strain"])
-        source = "" if self.data.is_virtual else f"{self.data.source}-"
+        name, source = self.data.material, self.data.source
+        if not self.data.is_virtual and source != name:
+            name = f"{source}-{name}"
         said = Served(network).predict(pd.DataFrame(example))
         self.tracker.register(
-            f"{source}{self.data.material}",
+            name,
             aliases,
             network.source,
             example,
             said.tolist(),
             about,
         )
+        return self.tracker.registered(name)
 
     def entry(self, headline: Mapping[str, Any], **more: Any) -> dict[str, Any]:
         """Return the entry of this material for the result file, while it is open."""

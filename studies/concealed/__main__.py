@@ -1,8 +1,8 @@
-"""`python -m studies.concealed`: see `bench/concealed/trial.py`."""
+"""`python -m studies.concealed`: see `bench/trials/trial.py`."""
 
 import sys
 
-from bench.concealed.trial import main
+from bench.trials.trial import main
 
 if __name__ == "__main__":
     sys.exit(main())

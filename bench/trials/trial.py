@@ -1,14 +1,11 @@
-"""Which physics was left out? Concealed cases, forged, diagnosed, then scored.
+"""Which physics was left out? Concealed cases by other hands, diagnosed, then scored.
 
-Cases are forged and their key sealed (its hash goes into the record first); then the
-command `softnn diagnose` is run on the cases alone; only when all diagnoses are
-written is the key opened, which the ledger keeps. Seeds below 10000 are for
-development; a trial with a seed from 10000 on, of all effects, is written to
-studies/results/concealed.json with --publish.
-
---hands has the cases made by another hand, --cases-in takes those of a folder
-(cases/NAME and truth/NAME/truth.json); with a seed from 10000 on, or a --label, they
-are written to studies/results/hands.json with --publish. All are scored alike.
+`python -m bench.hands` makes the cases, or --cases-in takes those of a folder
+(cases/NAME and truth/NAME/truth.json). Their truths are sealed (the hash goes into the
+record first); then the command `softnn diagnose` is run on the cases alone; only when
+all diagnoses are written are the truths opened, which the ledger keeps. Seeds below
+10000 are for development; a trial with a seed from 10000 on, or a --label, is written
+to studies/results/hands.json with --publish.
 """
 
 from __future__ import annotations
@@ -28,10 +25,11 @@ from pathlib import Path
 from typing import Any
 
 from bench import ledger, scoring
-from bench.concealed import acting, details, noise_check, orders, rivals, sealing
-from bench.concealed.details import located
-from bench.concealed.reporting import report
-from bench.concealed.unseen import held_errors, simulate_unseen
+from bench.hands.families import EFFECTS
+from bench.trials import acting, noise_check, sealing
+from bench.trials.held import held_errors
+from bench.trials.located import located
+from bench.trials.reporting import report
 from softnn.contracts import InputError
 from softnn.study.common import (
     RESULTS,
@@ -53,24 +51,14 @@ COUNTS = {
     "mixed": 20,
     "bent": 20,
 }
+FEW = dict.fromkeys(COUNTS, 0) | {"nulls": 1, "singles": 1, "aliens": 1}
 TIMED_CASES = 3  # diagnosed once more, one at a time, for the time a user waits
 
 
 def make_parser() -> argparse.ArgumentParser:
     p = parser("concealed", __doc__)
-    p.add_argument("--cases", type=int, default=20, help="of each effect (20)")
-    p.add_argument("--nulls", type=int, help="ten times --cases")
-    p.add_argument("--pairs", type=int, help="three times --cases")
-    p.add_argument(
-        "--unlisted", "--aliens", type=int, dest="aliens", help="three times --cases"
-    )
-    p.add_argument("--mixed", type=int, help="with --hands: one beside a stranger")
-    p.add_argument("--bent", type=int, help="with --hands: laws that are wrong")
-    p.add_argument("--singles", type=int, help="with --hands: of all effects together")
-    p.add_argument("--only", nargs="+", default=[], metavar="EFFECT")
-    p.add_argument("--strength", type=float, default=1.0, help="of the effects (1)")
-    p.add_argument("--dirty", type=float, default=0.15, help="share of cases (0.15)")
-    p.add_argument("--simulated", type=float, default=0.1, help="share of cases (0.1)")
+    for name, count in COUNTS.items():
+        p.add_argument(f"--{name}", type=int, help=f"how many ({count})")
     p.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     p.add_argument("--scheduler", metavar="tcp://...", help="of a Dask cluster")
     p.add_argument("--out", type=Path, help="where cases and diagnoses go (mlruns/...)")
@@ -80,10 +68,9 @@ def make_parser() -> argparse.ArgumentParser:
         "--noise-check", action="store_true", help="whiten what truths leave, too"
     )
     whose = p.add_mutually_exclusive_group()
-    whose.add_argument("--hands", choices=SIDES, help="cases by another hand")
+    whose.add_argument("--hands", choices=SIDES, default=SIDES[0], help="which side")
     whose.add_argument("--cases-in", type=Path, metavar="FOLDER", help="these cases")
     only = p.add_mutually_exclusive_group()
-    only.add_argument("--forge-only", type=Path, metavar="DIR", help="forge, no more")
     only.add_argument("--resume", type=Path, metavar="DIR", help="diagnose the rest")
     only.add_argument(
         "--score-only", type=Path, metavar="DIR", help="of an earlier run"
@@ -98,16 +85,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(a: argparse.Namespace) -> None:
-    if a.forge_only:
-        if a.hands or a.cases_in:
-            raise InputError(
-                "--forge-only is of this forge's own cases; those of other hands are "
-                f"made by python -m bench.hands --side {a.hands or SIDES[0]} --out DIR"
-            )
-        wanted = orders_of(a)
-        digest = forge_into(wanted, a.forge_only, a.jobs)
-        print(f"{len(wanted)} cases in {a.forge_only / 'cases'}; key SHA-256 {digest}")
-        return
     folder, record = taken_up(a) if a.score_only or a.resume else begun(a)
     if not a.score_only:
         diagnose_rest(folder, record, a.jobs, scheduler=a.scheduler)
@@ -116,66 +93,59 @@ def run(a: argparse.Namespace) -> None:
 
 def begun(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """A new trial: its folder, and its record with the hash of the key."""
-    label = f"strength-{a.strength:g}"
-    sealed = a.seed >= orders.FIRST_TRIAL_SEED and not (a.only or a.smoke)
-    record: dict[str, Any] = {"generator": "forge", "seed": a.seed}
-    if a.hands:
-        label, record["side"] = a.hands, a.hands
-        asked = {k: getattr(a, k) for k in COUNTS}
-        counts = {k: COUNTS[k] if v is None else v for k, v in asked.items()}
-        record |= {"generator": "hands", "counts": counts}
-    elif a.cases_in:
+    sealed = a.seed >= sealing.FIRST_TRIAL_SEED and not a.smoke
+    if a.cases_in:
         label, sealed = a.cases_in.resolve().name, False
-        record |= {"generator": "cases", "seed": None}
+        record: dict[str, Any] = {"generator": "cases", "seed": None}
         record["cases_in"] = str(a.cases_in.resolve())
     else:
-        record["strength"] = a.strength
-    foreign = record["generator"] != "forge"
+        label = a.hands
+        asked = {k: getattr(a, k) for k in COUNTS}
+        usual = FEW if a.smoke else COUNTS
+        counts = {k: usual[k] if v is None else v for k, v in asked.items()}
+        if min(*counts.values(), a.seed) < 0:
+            raise InputError("counts of cases and --seed must be 0 or more")
+        record = {"generator": "hands", "seed": a.seed, "side": a.hands}
+        record["counts"] = counts
     record |= {
         "label": a.label or label,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "published": not a.smoke and (sealed or bool(foreign and a.label)),
+        "published": not a.smoke and (sealed or bool(a.label)),
         "smoke": a.smoke,
     }
     home = runs_folder(a.smoke)
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     name = f"{record['label']}-seed-{a.seed}-{stamp}"
     folder = a.out or home / "concealed" / name
-    if foreign:
-        if (folder / "record.json").exists():
-            raise InputError(f"{folder} holds a trial; --resume it, or name another")
-        seal_foreign(folder, record, a.jobs)
-    else:
-        wanted = orders_of(a)
-        record["cases"] = len(wanted)
-        record["key_sha256"] = forge_into(wanted, folder, a.jobs)
-        write_record(folder, record)  # on file before anything is diagnosed
+    if (folder / "record.json").exists():
+        raise InputError(f"{folder} holds a trial; --resume it, or name another")
+    seal(folder, record, a.jobs)
     print(f"{record['cases']} cases in {folder}; key SHA-256 {record['key_sha256']}")
     return folder, record
 
 
 def taken_up(a: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
-    """An earlier trial, forged to its end where it was killed before."""
+    """An earlier trial, its cases made to the end where it was killed before."""
     folder = a.score_only or a.resume
     if not (folder / "record.json").exists():
         raise InputError(f"{folder} holds no record.json; name a trial's folder")
-    record = {"generator": "forge", **json.loads((folder / "record.json").read_text())}
+    record = json.loads((folder / "record.json").read_text())
     if a.cases_in:
         record["cases_in"] = str(a.cases_in.resolve())  # they may have been moved
     if "key_sha256" not in record:
-        seal_foreign(folder, record, a.jobs)
+        seal(folder, record, a.jobs)
     return folder, record
 
 
 def source(folder: Path, record: Mapping[str, Any]) -> Path:
-    """Where a trial's cases/ (and, by other hands, truth/) lie."""
+    """Where a trial's cases/ and truth/ lie."""
     if "cases_in" in record:
         return Path(record["cases_in"])
-    return folder / "forged" if record.get("generator") == "hands" else folder
+    return folder / "forged"
 
 
-def seal_foreign(folder: Path, record: dict[str, Any], jobs: int) -> None:
-    """Have the cases of other hands made, where they are not, and seal their truths."""
+def seal(folder: Path, record: dict[str, Any], jobs: int) -> None:
+    """Have the cases made, where they are not, and seal their truths."""
     folder.mkdir(parents=True, exist_ok=True)
     write_record(folder, record)
     if record["generator"] == "hands" and not (folder / "forged").exists():
@@ -185,7 +155,7 @@ def seal_foreign(folder: Path, record: dict[str, Any], jobs: int) -> None:
         options = [x for k, v in numbers.items() for x in (f"--{k}", str(v))]
         command = [*HANDS, "--side", record["side"], *options, "--out", str(half)]
         if subprocess.run(command, check=False).returncode:
-            raise InputError("the cases of other hands could not be made; see above")
+            raise InputError("the cases could not be made; see above")
         half.rename(folder / "forged")
     truths = read_sealed(lambda: sealing.truths_in(source(folder, record)))
     record |= {"cases": len(truths), "key_sha256": sealing.seal_of(truths)}
@@ -221,34 +191,20 @@ def diagnose_rest(
 
 def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
     """Open the key, enter that into the ledger, score and report."""
-    place, answers, truths = source(folder, record), [], []
+    place = source(folder, record)
     record["published"] = record["published"] and a.publish
     where = results_folder(record["smoke"], record["published"])
-    if record["generator"] == "forge":
-        answers = read_sealed(lambda: sealing.open_key(folder))
-        truths = [details.truth_of(answer) for answer in answers]
-    else:
-        truths = read_sealed(lambda: sealing.open_truths(place, record["key_sha256"]))
+    truths = read_sealed(lambda: sealing.open_truths(place, record["key_sha256"]))
     opening = opening_of(record, truths, place)
     aside = books(record["smoke"])
     record["opened_before"] = ledger.enter(opening, where, aside)["opened_before"]
     diagnoses = scoring.read_diagnoses((t.case for t in truths), folder / "diagnoses")
-    if record["generator"] == "forge":
-        simulated = simulate_unseen(folder, answers)
-        rows = []
-        for answer in answers:
-            times, name = details.read_times(answer, place / "cases"), answer["case"]
-            unseen = simulated.get(name)
-            rows.append(details.row_of(answer, diagnoses[name], times, unseen))
-        scores = scoring.summary(rows) | details.details(rows)
-        explain_misses(scores["misses"], answers)
-    else:
-        rows = [
-            scoring.row(t, diagnoses[t.case])
-            | where_and_gain(t.case, place, folder / "diagnoses", diagnoses[t.case])
-            for t in truths
-        ]
-        scores = scoring.summary(rows) | located(rows)
+    rows = [
+        scoring.row(t, diagnoses[t.case])
+        | where_and_gain(t.case, place, folder / "diagnoses", diagnoses[t.case])
+        for t in truths
+    ]
+    scores = scoring.summary(rows) | located(rows)
     if a.noise_check:
         scores["noise_check"] = noise_check.check(place, truths)
     (folder / "rows.json").write_text(json.dumps(rows, indent=1) + "\n")
@@ -262,7 +218,7 @@ def score(folder: Path, record: dict[str, Any], a: argparse.Namespace) -> None:
 def where_and_gain(
     case: str, place: Path, diagnosed: Path, diagnosis: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Of a case by other hands: F1 of the regions, errors on its held recordings."""
+    """F1 of the regions of a case, and errors on its held recordings."""
     told = place / "truth" / case
     truth = json.loads((told / "truth.json").read_text(encoding="utf-8"))
     return {
@@ -284,7 +240,7 @@ def opening_of(
     opening = {
         "trial": f"{record['started']} {key[:16]}",
         "opened": datetime.now(UTC).strftime("%Y-%m-%d"),
-        **{k: record.get(k) for k in ("generator", "side", "seed", "strength")},
+        **{k: record.get(k) for k in ("generator", "side", "seed")},
         "what": record["label"],
         "counts": dict(Counter(t.cls for t in truths)),
         "right": {},
@@ -299,68 +255,15 @@ def opening_of(
 
 def check_names(names: Sequence[str]) -> None:
     """Raise InputError for a name that no effect has."""
-    unknown = sorted(set(names) - set(orders.NAMES))
+    unknown = sorted(set(names) - set(EFFECTS))
     if unknown:
         raise InputError(
-            f"no effect is called {unknown[0]!r}; allowed are {', '.join(orders.NAMES)}"
+            f"no effect is called {unknown[0]!r}; allowed are {', '.join(EFFECTS)}"
         )
-
-
-def check(names: Sequence[str], strength: float, cases: int, seed: int) -> None:
-    """Raise InputError for what no trial can be planned of."""
-    check_names(names)
-    if not strength > 0:
-        raise InputError(f"strength is {strength:g}; it must be above 0")
-    if cases < 0 or seed < 0:
-        raise InputError("--cases and --seed must be 0 or more")
-
-
-def orders_of(a: argparse.Namespace) -> list[orders.Order]:
-    """The cases asked for; --smoke asks for three."""
-    check(a.only, a.strength, a.cases, a.seed)
-    if a.smoke:
-        few = ["zero_offset"]
-        return orders.plan(
-            a.seed, a.strength, each=1, nulls=1, pairs=0, unlisted=1, only=few
-        )
-    return orders.plan(
-        a.seed,
-        a.strength,
-        each=a.cases,
-        nulls=10 * a.cases if a.nulls is None else a.nulls,
-        pairs=3 * a.cases if a.pairs is None else a.pairs,
-        unlisted=3 * a.cases if a.aliens is None else a.aliens,
-        only=a.only,
-        dirty=a.dirty,
-        simulated=a.simulated,
-    )
-
-
-def forge_into(wanted: Sequence[orders.Order], folder: Path, jobs: int) -> str:
-    try:
-        return sealing.write_cases(wanted, folder, jobs)
-    except FileExistsError as error:
-        raise InputError(str(error)) from None
 
 
 def write_record(folder: Path, record: Mapping[str, Any]) -> None:
     (folder / "record.json").write_text(json.dumps(record, indent=1) + "\n")
-
-
-def explain_misses(
-    misses: Sequence[dict[str, Any]], answers: Sequence[dict[str, Any]]
-) -> None:
-    """Add to wrongly named cases whether anybody could have told the two apart."""
-    by_name = {a["case"]: a for a in answers}
-    for miss in misses:
-        if not miss["effects"] or not miss["selected"]:
-            continue
-        answer = by_name[miss["case"]]
-        power = rivals.distinct_power(orders.order_of(answer), answer)
-        miss["nearest_rivals"] = dict(list(power.items())[:3])
-        wrong = set(miss["selected"]) - set(answer["effects"])
-        if any(power.get(w, 1.0) < 0.8 for w in wrong):
-            miss["cause"] = "cannot be told from what was named, says the oracle"
 
 
 def undiagnosed(folder: Path, cases: Path) -> list[str]:

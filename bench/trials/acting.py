@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.concealed.details import region_f1
 from bench.hands.kernels import responses
+from bench.trials.located import region_f1
 from softnn.contracts import Array
 from softnn.state import runs
 

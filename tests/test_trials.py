@@ -12,9 +12,8 @@ import pandas as pd
 import pytest
 
 from bench import ledger, scoring
-from bench.concealed import details, noise_check, orders, reporting, sealing, trial
+from bench.trials import noise_check, reporting, trial
 from softnn.noise import estimate
-from softnn.study import common
 
 ROOT = Path(__file__).parent.parent
 TRUTHS = {
@@ -77,7 +76,7 @@ def killed(*arguments: str) -> int:
     """The command in a process of its own, which somebody ends; its exit code."""
     program = (
         f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
-        "from bench.concealed import trial\n"
+        "from bench.trials import trial\n"
         f"trial.SOFTNN, trial.HANDS = {trial.SOFTNN!r}, {trial.HANDS!r}\n"
         f"trial.main({list(arguments)!r})"
     )
@@ -197,64 +196,9 @@ def test_the_noise_check_whitens_what_is_beyond_the_truth(tmp_path):
     assert noise_check.check(tmp_path, [scoring.Truth("c", "null")]) == {}
 
 
-@pytest.mark.slow
-def test_a_perfect_diagnosis_meets_every_bar(tmp_path, monkeypatch):
-    """The whole way from the key to the report, with diagnoses written by the key."""
-    monkeypatch.chdir(tmp_path)
-    # MLflow remembers a store by its address: a relative one may be another test's.
-    monkeypatch.setattr(common, "RUNS", tmp_path / "mlruns")
-    folder = tmp_path / "trial"
-    few = ["mullins_softening", "thermal_softening"]
-    wanted = orders.plan(12, 1.0, each=1, nulls=2, pairs=1, unlisted=1, only=few)
-    digest = sealing.write_cases(wanted, folder)
-    for answer in sealing.open_key(folder):
-        listed = details.truth_of(answer).effects
-        mismatch = []
-        times = details.read_times(answer, folder / "cases")
-        for r, spans in zip(answer["recordings"], answer["acts"], strict=True):
-            t = times[r["name"]]
-            mismatch += [
-                {"recording": r["name"], "start_s": t[start], "end_s": t[end - 1]}
-                for start, end in spans
-            ]
-        nothing = "nothing_missing" if answer["group"] == "null" else "unexplained"
-        told = {
-            "verdict": "explained" if listed else nothing,
-            "selected": list(listed),
-            "explanations": [{"effect": e, "probability": 1.0} for e in listed],
-            "candidates": [{"effect": e} for e in listed],
-            "mismatch": mismatch,
-            "fit": {
-                "before": {"nrmse": 0.03},
-                "after": {"nrmse": 0.03, "heldout_nrmse": answer["noise_nrmse"]},
-            },
-        }
-        place = folder / "diagnoses" / answer["case"]
-        place.mkdir(parents=True)
-        (place / "diagnosis.json").write_text(json.dumps(told))
-    record = {"label": "strength-1", "strength": 1.0, "seed": 12, "key_sha256": digest}
-    record |= {"published": False, "smoke": True, "cases": 6, "seconds_alone": 1.0}
-    trial.write_record(folder, record | {"started": "2026-01-01"})
-    assert trial.main(["--score-only", str(folder)]) == 0
-    result = json.loads((folder / "concealed.json").read_text())
-    bars = result["trials"]["strength-1"]["bars"]
-    # There is no model to simulate, so nothing is said about the unseen programme.
-    assert [b["key"] for b in bars if b["met"] is None] == ["unseen_over_floor"]
-    assert all(b["met"] for b in bars if b["met"] is not None), bars
-    assert result["headline"]["strength-1/single_right"] == 1
-    assert (folder / "concealed-strength-1.png").stat().st_size > 5000
-    assert (tmp_path / "mlruns" / "smoke" / "mlflow.db").exists()
-
-
-def test_the_command_forges_and_refuses(tmp_path, capsys):
-    where = str(tmp_path / "f")
-    small = ["--cases", "1", "--only", "slack", "--nulls", "0", "--pairs", "0"]
-    small += ["--unlisted", "0", "--jobs", "1"]
-    assert trial.main(["--forge-only", where, *small]) == 0
-    assert "1 cases in" in capsys.readouterr().out
-    assert trial.main(["--forge-only", where, *small]) == 2
-    assert "is not empty" in capsys.readouterr().err
-    assert trial.main(["--forge-only", where, "--only", "magic"]) == 2
-    assert "no effect is called 'magic'" in capsys.readouterr().err
-    assert trial.main(["--forge-only", where, "--hands", "held-out"]) == 2
-    assert "bench.hands --side held-out" in capsys.readouterr().err
+def test_the_command_refuses(stand_in, capsys):
+    assert trial.main(["--nulls", "-1"]) == 2
+    assert "counts of cases and --seed" in capsys.readouterr().err
+    assert trial.main(elsewhere(Path("few"), "one")) == 0
+    assert trial.main(["--cases-in", "few", "--smoke", "--out", "of-few"]) == 2
+    assert "of-few holds a trial" in capsys.readouterr().err

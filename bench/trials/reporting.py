@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench import scoring
-from bench.concealed import noise_check, orders
+from bench.hands.families import EFFECTS
 from bench.reporting import cell, publish, track
-from softnn.study.common import FAINT, markdown, new_figure, percent, save_figure
+from bench.trials import noise_check
+from softnn.study.common import FAINT, markdown, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,9 +25,6 @@ def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str,
     """The table of what must be shown: what, value, interval, bar, met."""
     seen, rows = scores["visible"], []
     naming, told = seen["naming"], seen["calibration"]
-    one = 0.92
-    if record["generator"] == "forge":
-        one = 0.95 if record["strength"] >= 1 else 0.90
 
     def row(key: str, what: str, found: Any, bar: float, least: bool = True) -> None:
         entry = found if isinstance(found, dict) else {"rate": found}
@@ -37,7 +35,7 @@ def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str,
         rows.append({"key": key, "what": what, "bar": bar, "met": met, **entry})
 
     unsure = seen["unsure"].get("alien")
-    row("single_right", "one effect: it and nothing else", naming.get("single"), one)
+    row("single_right", "one effect: it and nothing else", naming.get("single"), 0.92)
     row(
         "true_first", "a true effect leads the candidates", seen["ranking"]["all"], 0.97
     )
@@ -47,18 +45,6 @@ def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str,
     row("alien_unsure", "on no list: no name at 0.9 or more", unsure, 0.97)
     row("sure_right", "names at 0.9 or more that are right", told.get("sure"), 0.95)
     row("gap", "probabilities off by, mean", told.get("gap"), 0.05, least=False)
-    if record["generator"] == "forge":
-        hidden = scores["concealment"]
-        limit = percent(hidden["accepted_below_nrmse"], 0)
-        accepted = hidden["groups"].get("single", {}).get("right")
-        what = f"one effect, right, the base alone within {limit}"
-        row("accepted_right", what, accepted, 0.90)
-        for key, where in (("heldout", "held-out"), ("unseen", "unseen programme's")):
-            what = f"{where} NRMSE over the noise, median"
-            row(f"{key}_over_floor", what, scores[f"{key}_over_floor"], 1.2, False)
-        row(
-            "power_over_oracle", "found, over the oracle's power", scores["power"], 0.85
-        )
     if "region_f1" in scores:
         row("region_f1", "regions, median F1", scores["region_f1"], 0.8)
     if "held_ratio" in scores:
@@ -86,12 +72,11 @@ def report(
         if "low" in row:
             headline[f"{label}/{row['key']}_low"] = row["low"]
             headline[f"{label}/{row['key']}_high"] = row["high"]
-    name = "concealed" if record["generator"] == "forge" else "hands"
     told = {k: v for k, v in record.items() if k != "cases_in"}
     trial = {"record": told, "bars": rows, **scores}
-    written = publish(name, record, headline, trial, folder)
+    written = publish("hands", record, headline, trial, folder)
     figure = confusion_figure(scores["confusion"])
-    figures = save_figure(figure, f"{name}-{label}", written.parent)
+    figures = save_figure(figure, f"hands-{label}", written.parent)
     track(record, headline, note, [written, *figures, folder / "record.json"], tracking)
 
 
@@ -153,16 +138,13 @@ def parts_table(scores: Mapping[str, Any]) -> str:
 
 
 def effects_table(scores: Mapping[str, Any]) -> str:
-    """Effect by effect, of the cases to be seen; what a key knows beyond."""
-    known = scores.get("per_effect", {})
+    """Effect by effect, of the cases to be seen."""
+    rows = [
+        [name, cell(e), cell(e["first"]), cell(e["named"])]
+        for name, e in scores["visible"]["effects"].items()
+    ]
     heads = ["effect", "alone and right", "first", "named, beside another too"]
-    rows = []
-    for name, e in scores["visible"]["effects"].items():
-        more = known.get(name, {})
-        extra = [more.get(k) for k in ("oracle_power", "f1")] if known else []
-        extra = [None if v is None else f"{v:.2f}" for v in extra]
-        rows.append([name, cell(e), cell(e["first"]), cell(e["named"]), *extra])
-    return markdown([*heads, *(["oracle", "F1"] if known else [])], rows)
+    return markdown(heads, rows)
 
 
 def located_table(found: Mapping[str, Mapping[str, Any]]) -> str:
@@ -199,7 +181,7 @@ def calibration_table(told: Mapping[str, Any]) -> str:
 def confusion_figure(counts: Mapping[str, Mapping[str, int]]) -> Figure:
     """Rows: what was planted; columns: what was named. Shares of the row."""
     rows, used = list(counts), {c for row in counts.values() for c in row}
-    possible = (*orders.NAMES, scoring.AND_MORE, scoring.SEVERAL, *VERDICTS)
+    possible = (*EFFECTS, scoring.AND_MORE, scoring.SEVERAL, *VERDICTS)
     columns = [c for c in possible if c in used or c in rows]
     figure = new_figure(2.6 + 0.3 * len(columns), 2.2 + 0.24 * len(rows))
     axes = figure.subplots()
