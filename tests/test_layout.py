@@ -16,7 +16,6 @@ ORDER = (
     ("axes", "glance", "json_file", "progress"),
     (
         "recording",
-        "metrics",
         "materials",
         "noise",
         "bounded",
@@ -25,7 +24,7 @@ ORDER = (
         "database",
         "state",
     ),
-    ("plausible",),
+    ("plausible", "metrics"),
     ("readers", "prepare", "virtual", "models", "effects", "neural"),
     ("dynamic", "properties", "simulate", "datasets"),
     ("fit",),

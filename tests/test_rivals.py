@@ -286,8 +286,10 @@ def test_rivals_are_measured_as_softnn_is():
     mine = misses_of({"m": stress}, to_data(case), True)
     assert all(np.array_equal(own[k], mine[k]) for k in own)
     by_hand = 0.0
-    for s, y in zip(stress, to_data(case).stress_MPa, strict=True):
-        by_hand += float(np.sum((y - (s @ y) / (s @ s) * s) ** 2))
+    data = to_data(case)
+    for s, y, share in zip(stress, data.stress_MPa, data.weights, strict=True):
+        factor = (share * s @ y) / (share * s @ s)
+        by_hand += float(share @ (y - factor * s) ** 2)
     assert own["m"].sum() == pytest.approx(by_hand, rel=1e-9)
 
 

@@ -296,9 +296,9 @@ def _structure(result: Result) -> list[str]:
             f"{it} depends most on {plain(next(iter(structure['depends_on'])))}."
         )
     if period := structure["period"]:
+        unit = "" if period["unit"] == "-" else f" {period['unit']}"
         said.append(
-            f"{it} comes back every {period['period']:.3g} {period['unit']} of "
-            f"{period['axis']}."
+            f"{it} comes back every {period['period']:.3g}{unit} of {period['axis']}."
         )
     return said
 
