@@ -102,9 +102,6 @@ def test_a_correction_does_not_leave_what_it_has_seen():
     np.testing.assert_allclose(told, [-2.5, 1.25, 4.0])
 
 
-@pytest.mark.xfail(
-    strict=True, reason="issue 53: the noise model absorbs a hum of half its window"
-)
 def test_an_unknown_disturbance_is_not_explained_away():
     hum = recordings(lambda t, e: 0.06 * np.sin(2 * np.pi * t / 2.9))
     told = diagnose(Case("hum", tuple(hum)), "hooke").result

@@ -396,7 +396,7 @@ def test_constant_strain_and_one_recording_are_allowed(tmp_path):
         tmp_path / "recordings/a.csv", index=False
     )
     result = diagnose(read_case(tmp_path)).result
-    assert result["verdict"] in ("nothing_missing", "undetermined")
+    assert result["verdict"] in ("nothing_missing", "good_enough", "undetermined")
 
 
 def test_a_clock_may_run_on_and_repeat_the_last_sample(tmp_path):

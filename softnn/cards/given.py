@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import nnls
 
+from softnn.cards import UNITS
 from softnn.contracts import Array, InputError
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
 from softnn.model_file import Stored, from_dict, to_dict
 from softnn.models.hyperelastic import LAWS, PRONY, Hyper, Values
 
-UNITS = {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6, "GPa": 1e3, "psi": 6.894757e-3}
 INCOMPRESSIBLE = 0.49  # Poisson ratio; above it the stress of a strip hardly depends
 LARGEST = 20_000_000  # bytes of a card, with all that it includes
 PER_DECADE = 2  # relaxation times in a series for relaxation data

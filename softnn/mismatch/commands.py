@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from softnn import readers
-from softnn.cards.given import UNITS
+from softnn.cards import UNITS
 from softnn.contracts import InputError, nearest
 from softnn.json_file import plain, write
 from softnn.models import hyperelastic, units
