@@ -126,7 +126,8 @@ def weigh(engine: Engine, found: Fit, long: bool = False) -> list[Noise]:
         [c.time_s for c in data.chunks],
         long,
     )
-    noise = possible(noise, data.stress_MPa)
+    if not long:  # noise of any memory is judged as a whole: `accounts.believed`
+        noise = possible(noise, data.stress_MPa)
     weigh_by(engine, noise)
     return noise
 

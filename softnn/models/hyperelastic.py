@@ -26,14 +26,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from softnn.contracts import Array, InputError, Parameter, increments
 from softnn.models.base import Base
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 PER_DECADE = 3  # relaxation times; neighbours then differ by a factor of 2.2
 THINNEST = 0.05  # smallest stretch: a specimen in compression cannot get flatter
@@ -695,6 +697,8 @@ def bulk(young: float, poisson: float) -> float:
 @lru_cache(maxsize=64)
 def _sides(law_name: str, moduli: Values, poisson: float) -> CubicSpline:
     """Return the logarithm of the stretch of sides without stress, by that along."""
+    from scipy.interpolate import CubicSpline
+
     law = LAWS[law_name]
     logs = np.log(THINNEST) * np.linspace(1, -1, GRID + 1)  # zero is among them
     first = np.exp(logs)
