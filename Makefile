@@ -34,9 +34,12 @@ neurons: $(STAMP) ## the main job: which network for which use, some minutes, in
 # Studies of minutes; those of hours are named in the help. Each replaces its own files.
 STUDIES ?= gait tendon virtual_specimens properties segments branches accuracy rates \
     inputs neurons regularisation feedback natr actuator realtime dynamic
+# Chapter 6 shows all seven materials.
+OPTIONS_inputs := --material all
+OPTIONS_neurons := --as-in-thesis --material all --keep-best
+OPTIONS_regularisation := --material all
 results: $(STAMP) ## publish into studies/results: studies of minutes, or STUDIES="limits concealed ..." of hours
-	set -e; for study in $(STUDIES); do $(BIN)/python -m studies.$$study \
-	    $$([ $$study = neurons ] && echo --as-in-thesis) --publish $(ARGS); done
+	set -e; $(foreach study,$(STUDIES),$(BIN)/python -m studies.$(study) $(OPTIONS_$(study)) --publish $(ARGS);)
 
 check-results: $(STAMP) ## recompute some published figures, 10 minutes: ARGS="--minutes 10 --only NAME"
 	$(BIN)/python -m studies.check_results --publish $(ARGS)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
@@ -73,6 +74,20 @@ COPIED = Tolerance("constants are copied into the code in two or three digits", 
 TIMED = Tolerance("other work on the machine slows a timing down", factor=2.0)
 
 
+CODE = {
+    EXACT: (
+        *(
+            f"softnn/models/{name}.py"
+            for name in ("fit_piecewise", "relaxation", "segments", "skeleton")
+        ),
+        "softnn/prepare",
+        "softnn/virtual.py",
+    ),
+    TRAINED: ("softnn/neural", "softnn/crossval.py"),
+    DIAGNOSED: ("softnn/mismatch", "softnn/fit", "softnn/effects"),
+}
+
+
 @dataclass(frozen=True)
 class Checker:
     """How rows of one kind of result are computed again, or why they are not."""
@@ -80,6 +95,11 @@ class Checker:
     again: Again | None = None
     tolerance: Tolerance = EXACT
     not_checked: str = ""
+
+    @property
+    def code(self) -> tuple[str, ...]:
+        """Where in softnn its figures come from; nowhere for times and copies."""
+        return CODE.get(self.tolerance, ())
 
 
 @dataclass
@@ -205,6 +225,30 @@ def check(
             for future in as_completed(futures):
                 add(futures[future], future.result())
     return dict(sorted(found.items()))
+
+
+def stale(
+    files: Sequence[Path], checkers: Mapping[str, Checker], root: Path
+) -> list[tuple[str, str, str]]:
+    """Results whose code was changed since: name, their commit, the latest change.
+
+    A change need not move a figure: a check says whether it did. `root` is the git
+    checkout. A commit that it does not know counts as changed.
+    """
+    found = []
+    for file in files:
+        about = provenance_of(json.loads(file.read_text(encoding="utf-8")))
+        made = about.get("commit", "unknown").removesuffix("-dirty")
+        code = checkers[kind_of(file.stem, checkers)].code
+        if not code:
+            continue
+        since = ["git", "-C", str(root), "log", "-1", "--format=%h", f"{made}..HEAD"]
+        done = subprocess.run(
+            [*since, "--", *code], capture_output=True, text=True, check=False
+        )
+        if done.returncode or done.stdout.strip():
+            found.append((file.stem, made, done.stdout.strip() or "unknown"))
+    return found
 
 
 # --- what is said of it ---------------------------------------------------------------

@@ -282,6 +282,7 @@ class Effect(ABC):
     where: str = ""  # where in a recording it shows, in the words of the field
     twins: Mapping[str, str] = {}  # id of a lookalike -> the test that separates them
     exempt: Mapping[str, str] = {}  # generic test -> why it cannot hold here
+    of_card: bool = False  # comes with a material card; no search tries it
     unknown: frozenset[str] = frozenset()  # forms that a trial keeps from the search
 
     @property
@@ -303,7 +304,9 @@ class Effect(ABC):
     def forms(self) -> tuple[Effect, ...]:
         """Every law of it that a search may try."""
         every = (self, *self.second_forms)
-        return tuple(law for law in every if law.form not in self.unknown)
+        return tuple(
+            law for law in every if law.form not in self.unknown and not law.of_card
+        )
 
     def before(
         self, p: Mapping[str, Array], signal: Signal, state: State

@@ -191,7 +191,9 @@ def check_plausible(
     if len(time) >= FEWEST:
         _swapped(time, strain, stress, axes, note if axes.component else refuse)
     if not axes.component:
-        _possible(strain, stress, advice, refuse)
+        # A column of strain may be logarithmic, a travel over a length cannot.
+        made = advice.made_of("displacement") and not advice.made_of("strain")
+        _possible(strain, stress, advice, refuse if made else note)
         _stiffness(strain, stress, advice, refuse)
         notes += _notes(time, strain, stress, advice)
     return [f"{recording.name}: {said}" for said in notes]
@@ -269,8 +271,8 @@ def check_together(recordings: Sequence[Recording]) -> None:
     known = [r for r in recordings if not r.axes.component]
     if len(known) < 2:
         return
-    stiffness, reach = (
-        np.array([f(r) for r in known]) for f in (_stiffness_of, _strain_of)
+    stiffness, reach, initial = (
+        np.array([f(r) for r in known]) for f in (_stiffness_of, _strain_of, _initial)
     )
     for i, one in enumerate(known):
         others = np.arange(len(known)) != i
@@ -286,7 +288,8 @@ def check_together(recordings: Sequence[Recording]) -> None:
                 file=name,
                 column="stress_MPa",
             )
-        if HUNDRED[0] < min(longer, 1 / stiffer) and longer < HUNDRED[1]:
+        softer = float(np.median(initial[others])) / initial[i]
+        if HUNDRED[0] < min(longer, 1 / stiffer, softer) and longer < HUNDRED[1]:
             raise InputError(
                 f"strain reaches {reach[i]:.4g}, {longer:.4g} times that of the other "
                 f"recordings; {advice.percent()}. If it is right, say --as-is",
@@ -319,6 +322,16 @@ def _stiffness_of(recording: Recording) -> float:
     strain, stress = _finite(recording)
     spans = [float(np.ptp(v)) if len(v) else 0.0 for v in (strain, stress)]
     return max(spans[1], 1e-300) / max(spans[0], 1e-300)
+
+
+def _initial(recording: Recording) -> float:
+    """Stiffness [MPa] of the first tenth of the strain, before a film yields."""
+    strain, stress = _finite(recording)
+    if len(strain) < FEW or np.ptp(strain) == 0:
+        return 1e-300
+    moved = np.abs(strain - strain[0])
+    at = int(np.argmax(moved >= 0.1 * moved.max()))
+    return max(abs(float(stress[at] - stress[0])), 1e-300) / max(moved[at], 1e-300)
 
 
 def _strain_of(recording: Recording) -> float:
@@ -474,13 +487,13 @@ def _noise(strain: Array, stress: Array, axes: Axes, refuse: Tell) -> None:
     )
 
 
-def _possible(strain: Array, stress: Array, advice: Advice, refuse: Tell) -> None:
-    """Refuse a specimen shorter than nothing."""
+def _possible(strain: Array, stress: Array, advice: Advice, tell: Tell) -> None:
+    """Tell of a specimen shorter than nothing."""
     if strain.min() > -1:
         return
     travel = advice.made_of("displacement")
     whence = f", made of {travel!r} over the length," if travel else ""
-    refuse(
+    tell(
         f"strain{whence} goes down to {strain.min():.4g}: at -1 the specimen has no "
         "length left. Is it in per cent, is the sign reversed, or is the length "
         f"(--length MM) wrong? {advice.unit('strain', '%')}, {advice.flip()}",

@@ -145,7 +145,7 @@ def searched(result: Result, rng: Rng) -> Iterator[Row]:
         trainer, data = trainer_of(result, one)
         chosen = some(row, ("inputs", "neurons", "regularisation", "lag_s"))
         settings, unseen = trainer.settings, one["unseen"]
-        errors, found = trials.judged(data, settings, unseen, chosen, [])
+        errors, found = trials.judged(data, settings, unseen, chosen, trials.Rule())
         both = dict(zip(("random", "unseen"), np.atleast_1d(errors), strict=True))
         now = both | {"parameters": found["parameters"]}
         yield f"{one['label']}, {chosen}", some(row, tuple(now)), now
@@ -372,6 +372,13 @@ def tenths(result: Result, rng: Rng) -> Iterator[Row]:
         yield name, {k: v for k, v in rows[name].items() if k != "way"}, now
 
 
+def fed_back(result: Result, rng: Rng) -> Iterator[Row]:
+    """A network with its stress fed back, of one material after the other."""
+    for name in shuffled(sorted(result["materials"]), rng):
+        now = feedback.study(name, result["seed"], False)["headline"]
+        yield name, result["materials"][name], now
+
+
 def properties(result: Result, rng: Rng) -> Iterator[Row]:
     """Properties of one material, or of one set, after the other."""
     rows = result["virtual"]["rows"]
@@ -489,7 +496,7 @@ CHECKERS = {
     "actuator": Checker(walked, TRAINED),
     "realtime": Checker(in_real_time, TRAINED),
     "dynamic": Checker(partial(whole, dynamic.main), TRAINED),
-    "feedback": Checker(partial(whole, feedback.main), TRAINED),
+    "feedback": Checker(fed_back, TRAINED),
     "natr": Checker(tenths, TRAINED),
     "gait": Checker(partial(whole, gait.main)),
     "tendon": Checker(partial(whole, tendon.main)),

@@ -19,8 +19,8 @@ so far (one-sided, 0.1), by random folds too. A stopped trial keeps the mean of 
 folds for the search and is never on the front.
 
 Trials are drawn by Parzen estimators or NSGA-II (`--sampler`), or are all that the
-thesis tabulates: four inputs, each count of neurons, Bayesian regularisation and early
-stopping, lags of one sample, every fold.
+thesis tabulates (`python -m studies.grid`): four inputs, each count of neurons, three
+ways of regularisation, lags of one sample, every fold.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from bench.architectures import compared
 from bench.architectures.choices import FINALISTS
 from bench.architectures.page import result_files
 from bench.architectures.report import draw
@@ -54,6 +55,7 @@ DEFAULTS = Settings(samples=100)  # neighbours in time say the same thing twice
 TRIALS = 300
 STUDY = "architectures"
 FILES = {"tpe": STUDY, "grid": "grid"}  # published results, by sampler
+DRAWN = {"grid": compared.draw}  # as other than a front
 BEST = Path(__file__).with_name("best")
 
 
@@ -67,12 +69,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     made.add_argument(
         "--keep-best",
         action="store_true",
-        help="write the ends of each front to studies/best, for the tests to hold",
+        help="write the recommended networks to studies/best, for the tests to hold",
     )
     made.add_argument(
         "--keep-published",
         action="store_true",
-        help="the same with published fronts, of --material or all; without a search",
+        help="the same with published choices, of --material or all; no search",
     )
     add_worker(made)
     arguments = made.parse_args(argv)
@@ -101,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def keep_published(results: Path, folder: Path, material: str | None) -> None:
-    """Train the ends of the published fronts, and write them to a folder.
+    """Train the published choices, and write them to a folder.
 
     Those of one material, or of all if it is None.
     """
@@ -124,16 +126,40 @@ def run(
     study: str = STUDY,
     file: str = STUDY,
     finalists: int = FINALISTS,
+    compare: bool = False,
 ) -> dict[str, Any]:
     """The study of every material asked for; returns what was written.
 
-    `study` names the experiment in MLflow, `file` the result file.
+    `study` names the experiment in MLflow, `file` the result file, which is written
+    after each material; `compare` as for `bench.architectures.search.searched`.
     """
-    found, skipped = [], {}
+    found: list[dict[str, Any]] = []
+    skipped: dict[str, str] = {}
+    name = settings.file_name(file)
+
+    def written() -> str:
+        files = save_figure(DRAWN.get(sampler, draw)(found), name, places.results)
+        path = write_result(
+            name,
+            headline_of_all(found),
+            {
+                "settings": asdict(settings),
+                "training": asdict(TRAINING),
+                "sampler": sampler,
+                "materials": found,
+                "left_out": skipped,
+            },
+            seed=settings.seed,
+            data={one["label"]: one["data_sha256"] for one in found},
+            folder=places.results,
+        )
+        return f"result: {path}; figure: {files[0]}"
+
     materials = prepared(settings)
+    about = sampler, study, finalists, compare
     for data in materials:
         try:
-            told = searched(data, settings, places, trials, sampler, study, finalists)
+            told = searched(data, settings, places, trials, *about)
             if told is None:
                 continue
             found.append(told)
@@ -144,29 +170,16 @@ def run(
                 raise
             skipped[data.label] = str(reason)
             print(f"\n{data.label}: left out: {reason}")
+            continue
+        said = written()
     if places.worker:
         return {}
     if not found:
         raise InputError(f"no material can be judged: {'; '.join(skipped.values())}")
-    name = settings.file_name(file)
-    files = save_figure(draw(found), name, places.results)
-    headline = headline_of_all(found)
-    path = write_result(
-        name,
-        headline,
-        {
-            "settings": asdict(settings),
-            "training": asdict(TRAINING),
-            "sampler": sampler,
-            "materials": found,
-            "left_out": skipped,
-        },
-        seed=settings.seed,
-        data={one["label"]: one["data_sha256"] for one in found},
-        folder=places.results,
-    )
-    print(f"\nresult: {path}; figure: {files[0]}; runs: {places.tracking} (make ui)")
-    return {"headline": headline, "materials": found}
+    if skipped:
+        said = written()
+    print(f"\n{said}; runs: {places.tracking} (make ui)")
+    return {"headline": headline_of_all(found), "materials": found}
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@ Each file of studies/results has the same share of the time (--minutes), one row
 least. How rows are computed again is in `studies/again.py`; how far a figure may move,
 and why, is in `bench/checking.py`. With --publish the findings go into
 studies/results/checked.json, which the pages read. Files that are not asked for keep
-the findings of their last check.
+the findings of their last check. `--stale` computes nothing: it lists results whose
+code was changed after they were made.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from softnn.contracts import InputError
 from softnn.study.common import (
     RESULTS,
     guarded,
+    markdown,
     parser,
     results_folder,
     write_result,
@@ -33,6 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     made.add_argument("--minutes", type=float, default=10.0, help="in all (10)")
     made.add_argument("--only", default="", help="files with this in their name")
     made.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    made.add_argument("--stale", action="store_true", help="list what to make again")
     a = made.parse_args(argv)
     return guarded(lambda: run(a))
 
@@ -43,6 +46,12 @@ def run(a: Any) -> None:
     files = checking.files_of(RESULTS, SMOKE if a.smoke else a.only)
     if not files:
         raise InputError(f"no result has {a.only!r} in its name")
+
+    if a.stale:
+        rows = checking.stale(files, CHECKERS, RESULTS.parents[1])
+        print(markdown(["result", "made at", "code changed at"], rows))
+        print(f"\n{len(rows)} of {len(files)} results are older than their code")
+        return
 
     def say(name: str, one: checking.Result) -> None:
         print(checking.line(name, one), flush=True)

@@ -10,23 +10,26 @@ and in the end from the start of the test, as it would have to without a load ce
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from softnn.contracts import Array
+from softnn.materials import MATERIALS
 from softnn.metrics import nrmse
 from softnn.neural import Network, samples
 from softnn.recording import Recording
 from softnn.study import common
-from softnn.study.common import percent
+from softnn.study.common import markdown, percent
 from softnn.study.material_data import prepared
 from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
 from studies.shown.feedback import draw
 
 INPUTS, WITHOUT = "FFRD4S", "FFRD4"
+DRAWN = "NatPolR"  # the material of the picture and of the headline
 AHEAD = (1, 2, 3, 5, 8, 13, 21, 34, 55, 89, 144)  # samples
 NUDGE = 1e-4  # MPa, by which the stress fed back is moved
 
@@ -34,22 +37,59 @@ NUDGE = 1e-4  # MPa, by which the stress fed back is moved
 def main(argv: Sequence[str] | None = None) -> int:
     """The command `python -m studies.feedback`; returns the exit code."""
     made = common.parser("feedback", __doc__)
-    made.add_argument("--material", default="NatPolR", help="virtual specimens")
+    made.add_argument("--material", default="all", help="virtual specimens (all)")
     return common.guarded(lambda: run(made.parse_args(argv)))
 
 
 def run(a: Any) -> None:
-    """The protocol of Table 6.4: 20 neurons, a tenth of the samples, ten folds."""
+    """The study of every material asked for."""
+    if a.smoke and a.material == "all":
+        a.material = DRAWN
+    whole = a.material == "all"
+    names = [DRAWN, *(m for m in MATERIALS if m != DRAWN)] if whole else [a.material]
+    folder = common.results_folder(a.smoke, a.publish and whole)
+    every: dict[str, dict[str, Any]] = {}
+    for name in names:  # what is finished is kept, should the rest be stopped
+        every[name] = study(name, a.seed, a.smoke)
+        path = written(every, names[0], a.seed, folder)
+    drawn = every[names[0]]
+    common.save_figure(draw(drawn), "feedback", folder)
+    print(f"{report({k: one['headline'] for k, one in every.items()})}\n")
+    print(f"{drawn['label']}: {sentence(drawn['headline'])}\n\nresult: {path}")
+
+
+def written(
+    every: Mapping[str, Mapping[str, Any]], first: str, seed: int, folder: Path
+) -> Path:
+    """The result file of these materials; its headline is that of the first."""
+    drawn = every[first]
+    return common.write_result(
+        "feedback",
+        drawn["headline"],
+        {
+            "material": drawn["label"],
+            "ahead": drawn["ahead"],
+            "specimen": drawn["specimen"],
+            "materials": {name: one["headline"] for name, one in every.items()},
+        },
+        seed=seed,
+        data={one["label"]: one["data_sha256"] for one in every.values()},
+        folder=folder,
+    )
+
+
+def study(material: str, seed: int, smoke: bool) -> dict[str, Any]:
+    """One material by the protocol of Table 6.4: 20 neurons, a tenth of the samples."""
     settings = Settings(
-        material=a.material,
-        seed=a.seed,
-        fraction=1.0 if a.smoke else 0.1,
-        samples=30 if a.smoke else None,
-        folds=3 if a.smoke else 10,
+        material=material,
+        seed=seed,
+        fraction=1.0 if smoke else 0.1,
+        samples=30 if smoke else None,
+        folds=3 if smoke else 10,
     )
     (data,) = prepared(settings)
     trainer = Trainer(data, settings)
-    about = {"neurons": 5 if a.smoke else 20, "split": "random"}
+    about = {"neurons": 5 if smoke else 20, "split": "random"}
     fed = trainer.judge(about | {"inputs": INPUTS})
     alone = trainer.judge(about | {"inputs": WITHOUT})
     network = trainer.whole(about | {"inputs": INPUTS}).network
@@ -61,29 +101,47 @@ def run(a: Any) -> None:
     worst = max(
         (curves(network, r) for r in data.tensile), key=lambda one: one["nrmse_alone"]
     )
-    headline = {
-        "nrmse_measured": float(np.mean(fed["nrmse_measured"])),
-        "nrmse_repeated": repeated(data.tensile),
-        "nrmse_alone": float(np.mean(fed["nrmse"])),
-        "nrmse_without_feedback": float(np.mean(alone["nrmse"])),
-        "gain": gain(network, data.tensile),
-    }
-    body = {
-        "material": data.label,
+    return {
+        "label": data.label,
+        "data_sha256": data.digest,
+        "headline": {
+            "nrmse_measured": float(np.mean(fed["nrmse_measured"])),
+            "r2_measured": float(np.mean(fed["r2_measured"])),
+            "nrmse_repeated": repeated(data.tensile),
+            "nrmse_alone": float(np.mean(fed["nrmse"])),
+            "nrmse_without_feedback": float(np.mean(alone["nrmse"])),
+            "gain": gain(network, data.tensile),
+        },
         "ahead": ahead,
         "specimen": worst | {"of": len(data.tensile)},
     }
-    folder = common.results_folder(a.smoke, a.publish and a.material == "NatPolR")
-    path = common.write_result(
-        "feedback",
-        headline,
-        body,
-        seed=a.seed,
-        data={data.label: data.digest},
-        folder=folder,
+
+
+def report(found: Mapping[str, Mapping[str, float]]) -> str:
+    """What feedback gains, and what is left of it without a load cell, by material."""
+    return markdown(
+        [
+            "material",
+            "fed the measured stress: NRMSE",
+            "R2",
+            "without feedback",
+            "times as large",
+            "the stress of a sample ago, repeated",
+            "fed its own stress",
+        ],
+        [
+            [
+                name,
+                percent(one["nrmse_measured"]),
+                percent(one.get("r2_measured"), 3),
+                percent(one["nrmse_without_feedback"]),
+                f"{one['nrmse_without_feedback'] / one['nrmse_measured']:.0f}",
+                percent(one["nrmse_repeated"]),
+                percent(one["nrmse_alone"]),
+            ]
+            for name, one in found.items()
+        ],
     )
-    common.save_figure(draw(headline, body), "feedback", folder)
-    print(f"{data.label}: {sentence(headline)}\n\nresult: {path}")
 
 
 def sentence(found: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from softnn.study.common import COLOURS, FAINT, RESULTS, new_figure
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "figures"
 JUDGED = ("random folds", "by specimen", "by rate")
+SHOWN = "NatPolR"
 MARKS = {
     "network": (COLOURS[1], "o"),
     "network, fewest needed": (COLOURS[4], "o"),
@@ -45,8 +46,9 @@ def judged() -> None:
 
 
 def errors(panel: str, model: str) -> dict[int, float]:
-    """Error of a model by the row it is drawn on."""
-    (one,) = result(panel)["materials"]
+    """Error of a model by the row it is drawn on; of several materials, of `SHOWN`."""
+    every = result(panel)["materials"]
+    one = next((m for m in every if m["material"] == SHOWN), every[0])
     return {
         JUDGED.index(row["judged_on"]): row["nrmse"]
         for row in one["comparison"]

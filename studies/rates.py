@@ -24,6 +24,7 @@ from softnn.study.baselines import (
     jointly,
     literal,
     softened,
+    stated,
 )
 from softnn.study.common import markdown, percent
 from softnn.study.left_out_rate import error_by_rate, std_lin_sds
@@ -54,6 +55,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
     for model in MODELS:
         # As the thesis has it: one way to branches, the tolerance of least error.
         shown[model] = literal(found[thesis], model)
+        by_text = stated(found[thesis], model)
         any_reading = best(found[thesis], model)
         soft = best(soft_found, model)
         by_rate = {
@@ -66,6 +68,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
         models[model] = {
             "fitted_at": thesis,
             "as_in_thesis": described(shown[model], case.curves),
+            "as_stated": by_text and described(by_text, case.curves),
             "any_reading": described(any_reading, case.curves),
             "softened": described(soft, case.curves),
             "fitted_at_each_rate": by_rate,
@@ -76,6 +79,7 @@ def study(work: Work, case: Case) -> dict[str, Any]:
         key = model.lower().replace("-", "_")
         headline |= {
             f"{key}_ge": shown[model].generalisation_error,
+            f"{key}_ge_as_stated": by_text and by_text.generalisation_error,
             f"{key}_ge_any_reading": any_reading.generalisation_error,
             f"{key}_ge_softened": soft.generalisation_error,
             f"{key}_ge_best_rate": min(

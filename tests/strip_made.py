@@ -73,10 +73,13 @@ class Strip:
             h = np.exp(-x) * h + share * gain * (now - old)
             s = s + h
             new.append(h.reshape(9, *c.shape[2:]))
-        # What relaxes stays without pressure at the shape that it has now.
-        s = s - np.einsum("ij...,ij...->...", s, c) / 3 * back
+        s = self.without_pressure(s, c, back)
         s = s + self.bulk * (volume - 1) * volume * back
         return np.einsum("ik...,kj...->ij...", f, s), np.concatenate(new)
+
+    def without_pressure(self, s, c, back):
+        """What relaxes stays without pressure at the shape that it has now."""
+        return s - np.einsum("ij...,ij...->...", s, c) / 3 * back
 
     def material(self):
         def gradient(x, **_):
@@ -103,9 +106,9 @@ class Strip:
         return pulled(field, solid, strain, np.diff(time, prepend=time[0]), self)
 
 
-def pulled(field, solid, strain, steps=None, clock=None):
+def pulled(field, solid, strain, steps=None, clock=None, clamped=False):
     """Nominal stress (n,), MPa, of a cube of 1 mm; `clock` gets each time step."""
-    ends = fem.dof.uniaxial(field, clamped=False, move=0, return_loadcase=False)
+    ends = fem.dof.uniaxial(field, clamped=clamped, move=0, return_loadcase=False)
     out = []
     for i, e in enumerate(strain):
         if clock is not None:

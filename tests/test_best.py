@@ -9,18 +9,25 @@ import numpy as np
 import pytest
 
 import studies
-from bench.architectures.search import keep
+from bench.architectures.page import result_files
+from bench.architectures.search import CONFIGURATION, keep
 from bench.architectures.trials import KEPT
 from softnn.metrics import nrmse
 from softnn.neural import Settings as Training
 from softnn.readers.tidy import data_folder
+from softnn.study.common import RESULTS
 from softnn.study.material_data import prepared
 from softnn.study.settings import Settings
 from softnn.study.trainer import Trainer
 
 BEST = Path(studies.__path__[0]) / "best"
-ENDS = sorted(BEST.glob("architectures-*.json"))  # of fronts of two objectives
-FILES = sorted(set(BEST.glob("*.json")) - set(ENDS))
+RECOMMENDED = sorted(BEST.glob("architectures-*.json"))
+FILES = sorted(set(BEST.glob("*.json")) - set(RECOMMENDED))
+CASES = [
+    pytest.param(path, use, id=f"{path.stem}-{use}")
+    for path in RECOMMENDED
+    for use in json.loads(path.read_text(encoding="utf-8"))["networks"]
+]
 CHEAPEST = "NatPolR"  # 7,229 samples: a fold of it trains in a second
 # Two machines differ by rounding, which training amplifies. Even other starting weights
 # move an error of the cheapest by less than 0.2 %.
@@ -69,11 +76,11 @@ def test_all_of_it(path):
     assert np.mean(found["gamma"]) == pytest.approx(content["gamma_mean"], rel=0.1)
 
 
-# --- ends of the fronts ---------------------------------------------------------------
+# --- recommended networks -------------------------------------------------------------
 
 
 @cache
-def end_kept(path: Path):
+def recommended(path: Path):
     content = json.loads(path.read_text(encoding="utf-8"))
     given = content["settings"]
     settings = Settings(**{**given, "neurons": tuple(given["neurons"])})
@@ -85,11 +92,11 @@ def end_kept(path: Path):
 
 
 def retrained(path: Path, use: str, parts: dict[str, slice]):
-    content, trainer = end_kept(path)
-    end = content["ends"][use]
-    chosen = {k: end[k] for k in ("inputs", "neurons", "regularisation", "lag_s")}
+    content, trainer = recommended(path)
+    one = content["networks"][use]
+    chosen = {k: one[k] for k in ("inputs", "neurons", "regularisation", "lag_s")}
     found = trainer.judge_parts(chosen, parts)
-    return end, found, lambda: _rounded(trainer, chosen, parts)
+    return one, found, lambda: _rounded(trainer, chosen, parts)
 
 
 def _rounded(trainer: Trainer, chosen: dict, parts: dict[str, slice]):
@@ -128,41 +135,80 @@ def hold(split: str, found, again, expected, relative: float) -> None:
         assert not wrong.any(), (got[:, wrong], kept[wrong])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("use", ["random", "unseen"])
-@pytest.mark.parametrize("path", ENDS, ids=lambda path: path.stem)
-def test_a_fold_of_an_end(path, use):
-    end, found, again = retrained(path, use, {"random": slice(0, 1)})
-    hold("random", found, again, end["folds_random"][:1], RELATIVE)
+def published_choices() -> dict[str, dict[str, dict]]:
+    """The networks recommended for each use, by the hash of the recordings."""
+    return {
+        one["data_sha256"]: {
+            use: {k: chosen["configuration"][k] for k in CONFIGURATION}
+            for use, chosen in one["choices"].items()
+        }
+        for result in result_files(RESULTS).values()
+        for one in result["materials"]
+    }
+
+
+def test_kept_networks_are_those_that_are_recommended():
+    published = published_choices()
+    for path in RECOMMENDED:
+        one = json.loads(path.read_text(encoding="utf-8"))
+        for use, mine in one["networks"].items():
+            wanted = published[one["data_sha256"]][use]
+            assert {k: mine[k] for k in CONFIGURATION} == wanted
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="not all of them have been trained again by "
+    "`python -m studies.architectures --keep-published`",
+)
+def test_every_recommended_network_is_kept():
+    held = sum(len(published) for published in published_choices().values())
+    assert len(CASES) == held
+
+
+def test_every_published_count_is_kept():
+    """Of chapter 6."""
+    published = json.loads((RESULTS / "neurons-all.json").read_text(encoding="utf-8"))
+    for one in published["materials"]:
+        path = BEST / f"{one['material']}.json"
+        mine = json.loads(path.read_text(encoding="utf-8"))["settings"]
+        assert mine["neurons"] == [one["headline"]["neurons"]]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("use", ["random", "unseen"])
-@pytest.mark.parametrize("path", ENDS, ids=lambda path: path.stem)
-def test_every_fold_of_an_end(path, use):
-    unseen = end_kept(path)[0]["unseen"]
+@pytest.mark.parametrize(("path", "use"), CASES)
+def test_a_fold_of_a_recommended_network(path, use):
+    one, found, again = retrained(path, use, {"random": slice(0, 1)})
+    hold("random", found, again, one["folds_random"][:1], RELATIVE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("path", "use"), CASES)
+def test_every_fold_of_a_recommended_network(path, use):
+    unseen = recommended(path)[0]["unseen"]
     parts = {unseen: slice(None), "random": slice(None)}
-    end, found, again = retrained(path, use, parts)
-    hold("random", found, again, end["folds_random"], RELATIVE)
-    assert set(found[unseen]["folds"]) == set(end["folds_unseen"])
-    expected = [end["folds_unseen"][name] for name in found[unseen]["folds"]]
+    one, found, again = retrained(path, use, parts)
+    hold("random", found, again, one["folds_random"], RELATIVE)
+    assert set(found[unseen]["folds"]) == set(one["folds_unseen"])
+    expected = [one["folds_unseen"][name] for name in found[unseen]["folds"]]
     hold(unseen, found, again, expected, RELATIVE_UNSEEN)
 
 
-def test_a_published_front_is_kept_as_it_comes_out_on_the_grid(tmp_path):
+def test_a_published_choice_is_kept_as_it_comes_out_on_the_grid(tmp_path):
     settings = Settings(samples=20, folds=3)
     (data,) = prepared(settings)
     row = {"inputs": "FFRD4", "neurons": 2, "regularisation": "bayesian", "lag_s": None}
-    found = {"front": [{**row, "random": 9.9}], "unseen": "rate"}
+    chosen = {"configuration": row}
+    found = {"choices": {"random": chosen, "unseen": chosen}, "unseen": "rate"}
     path = keep(found, data, settings, tmp_path)
-    content, trainer = end_kept(path)
+    content, trainer = recommended(path)
     assert trainer.training == KEPT
     for use in ("random", "unseen"):
-        end = content["ends"][use]
-        assert end["random"] == pytest.approx(np.mean(end["folds_random"]))
-        assert len(end["folds_random"]) == 3
+        one = content["networks"][use]
+        assert one["random"] == pytest.approx(np.mean(one["folds_random"]))
+        assert len(one["folds_random"]) == 3
         judged = trainer.judge_parts(row, {"rate": slice(None)})["rate"]
-        assert list(end["folds_unseen"].values()) == judged["nrmse"]
+        assert list(one["folds_unseen"].values()) == judged["nrmse"]
 
 
 def test_what_differs_by_more_than_rounding_does_not_hold():

@@ -1,6 +1,7 @@
 """The check of published results: what it compares, and what it says."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -203,3 +204,47 @@ def test_rows_of_a_published_result_come_out():
         spoilt = json.loads(json.dumps(was).replace("0.4", "0.5"))
         assert spoilt != was
         assert compare(spoilt, now, checker.tolerance, where).moved
+
+
+def test_a_result_is_stale_when_its_code_changed_since(tmp_path):
+    who = ["-c", "user.name=a", "-c", "user.email=a@b.c"]
+
+    def git(*words):
+        done = subprocess.run(
+            ["git", "-C", str(tmp_path), *who, *words],
+            check=True, capture_output=True, text=True,
+        )  # fmt: skip
+        return done.stdout.strip()
+
+    def commit(name):
+        file = tmp_path / "softnn" / name / "a.py"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(f"{name} = {len(git('log', '--format=%h', '--all'))}\n")
+        git("add", ".")
+        git("commit", "-qm", name)
+        return git("rev-parse", "--short", "HEAD")
+
+    git("init", "-q")
+    first = commit("neural")
+    checkers = {
+        "inputs": Checker(tolerance=checking.TRAINED),
+        "rates": Checker(),
+        "lost": Checker(),
+    }
+    files = []
+    for name, made in (
+        ("inputs", first),
+        ("rates", f"{first}-dirty"),
+        ("lost", "0bad"),
+    ):
+        files.append(tmp_path / f"{name}.json")
+        files[-1].write_text(json.dumps({"commit": made}))
+    assert checking.stale(files, checkers, tmp_path) == [("lost", "0bad", "unknown")]
+    second = commit("neural")
+    assert checking.stale(files[:2], checkers, tmp_path) == [("inputs", first, second)]
+    third = commit("virtual.py")
+    found = checking.stale(files[:2], checkers, tmp_path)
+    assert found[1] == ("rates", first, third)
+    assert not checking.stale(
+        files, dict.fromkeys(checkers, Checker(tolerance=TIMED)), tmp_path
+    )

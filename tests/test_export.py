@@ -24,6 +24,8 @@ from softnn.models import (
 )
 from softnn.neural import PUBLISHED, Scaling, Seen, StoredNetwork
 from softnn.neural.convex import ConvexNetwork
+from softnn.neural.inputs import strain_rate
+from softnn.recording import Recording
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 FORMS_OF_EFFECTS = [law for e in EFFECTS for law in (e, *e.second_forms)]
@@ -264,6 +266,22 @@ def test_onnx_says_what_python_says(architecture):
     np.testing.assert_array_equal(outside, ((x < low) | (x > high)).any(axis=1))
     with pytest.raises(InputError, match="ONNX is for networks"):
         export(with_effects(), "onnx", "a")
+
+
+def test_the_metadata_of_onnx_say_how_the_rate_is_made():
+    onnx = pytest.importorskip("onnx")
+    model = network("FFRD4")
+    file = onnx.load_from_string(export(model, "onnx", "a")["a.onnx"])
+    told = {one.key: one.value for one in file.metadata_props}
+    assert told["strain_rate_per_s"].startswith("backward difference: (strain now")
+    assert told["lag"] in told["strain_rate_per_s"]
+    time = np.cumsum(np.linspace(0.1, 0.2, 50))
+    strain = 0.3 * np.sin(time)
+    made = strain_rate(Recording(time, strain, strain), model.lag_s)
+    lag = np.diff(time) if model.lag_s is None else model.lag_s
+    before = np.interp(time[1:] - lag, time, strain)
+    np.testing.assert_allclose(made[1:], (strain[1:] - before) / lag)
+    assert made[0] == made[1]
 
 
 # --- FMU ------------------------------------------------------------------------------

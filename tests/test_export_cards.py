@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from export_made import network, piece
 
+from softnn.cards.loss import loss
+from softnn.cards.written import card
 from softnn.cli import main
 from softnn.contracts import InputError
 from softnn.effects import effect
-from softnn.export.cards import card
 from softnn.export.files import export, stored_of
-from softnn.export.loss import loss
 from softnn.fit import Piece
 from softnn.model_file import Stored, read_model
 from softnn.models import (

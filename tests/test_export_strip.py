@@ -8,10 +8,10 @@ pytest.importorskip("felupe", reason="no finite elements: pip install felupe")
 import felupe as fem
 from strip_made import Strip, parsed, pulled
 
+from softnn.cards.loss import card_stress, loss
+from softnn.cards.written import Card, card
 from softnn.contracts import Chunk
-from softnn.export.cards import Card, card
 from softnn.export.files import export, stored_of
-from softnn.export.loss import card_stress, loss
 from softnn.model_file import Stored
 from softnn.models import StandardLinearSolid
 from softnn.models.units import Units

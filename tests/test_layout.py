@@ -30,6 +30,7 @@ ORDER = (
     ("dynamic", "properties", "simulate", "datasets"),
     ("fit",),
     ("crossval", "model_file"),
+    ("cards",),
     ("search", "tracking", "report", "taught"),
     ("mismatch",),
     ("export", "motor"),

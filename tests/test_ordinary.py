@@ -341,9 +341,23 @@ def test_a_wrong_size_is_the_cause_that_is_named(given, said, tmp_path):
 
 
 def test_a_specimen_cannot_be_shorter_than_nothing(tmp_path):
-    file = written(tmp_path / "a.csv", TIDY, TIME, -3 * STRAIN, -STRESS)
-    with pytest.raises(InputError, match=r"goes down to -1\.195"):
-        to_case(file)
+    """A gap that closes by more than the length is impossible; a column may be log."""
+    way, load = -3 * 25 * STRAIN, -18 * STRESS
+    header = "Time (s),Extension (mm),Load (N)"
+    file = written(tmp_path / "a.csv", header, TIME, way, load)
+    with pytest.raises(InputError, match=r"goes down to -1\.195.*--length"):
+        to_case(file, **SIZES)
+    file = written(tmp_path / "b.csv", TIDY, TIME, -3 * STRAIN, -STRESS)
+    assert any("goes down to -1.195" in n for n in to_case(file).notes)
+
+
+def test_a_pull_to_failure_beside_small_cycles_is_in_no_other_unit(tmp_path):
+    """A film that yields: 0.02 in cycles, 1.3 at failure, and the same modulus."""
+    law = lambda e: 100 * e / (1 + e / 0.02)  # noqa: E731
+    for name, top in (("a", 0.02), ("b", 0.02), ("pull", 1.3)):
+        strain = top * TIME / TIME[-1]
+        written(tmp_path / f"{name}.csv", TIDY, TIME, strain, law(strain))
+    assert len(to_case(tmp_path).recordings) == 2  # a and b are one
 
 
 # -- columns, marks and names ----------------------------------------------------------

@@ -336,6 +336,7 @@ def test_that_a_search_adds_three_effects_is_said_where_three_are_named(third, t
     forms = {"permanent_set": "PermanentSet", "inertia": "Inertia", "slack": "Slack"}
     more = [first | {"effect": n, "form": forms[n]} for n in names[1:]]
     result |= {"selected": names, "corrected_by": names, "judged_by": "prediction"}
+    result["verdict"] = "partly_explained"
     result["explanations"] += more
     rows = [row | {"effect": n, "probability": 0.7} for n in names]
     result["candidates"] = [row | {"effect": None, "probability": 0.0}, *rows]
@@ -387,9 +388,9 @@ def test_two_effects_of_new_specimens_and_whether_there_is_a_third():
     )
     assert result["summary"] == (
         "Mullins softening (97 %) was left out, and most likely permanent set (60 %). "
-        "With them, new specimens are predicted to 2 % instead of 12 % (noise 0.99 %, "
-        "from sample to sample). Whether a third effect is there (perhaps inertia "
-        "(20 %)), these recordings cannot tell."
+        "With them, new specimens are predicted to 2 % instead of 12 % (2 % is good "
+        "enough). 2 % remain (2 % is good enough). Whether a third effect is there "
+        "(perhaps inertia (20 %)), these recordings cannot tell."
     )
 
 

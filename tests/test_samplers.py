@@ -10,9 +10,16 @@ from scipy.stats import binomtest
 
 from bench.architectures.trials import (
     FIRST_OF,
+    WEIGHT,
+    Front,
+    Halving,
     Judge,
+    Rule,
+    by_front,
+    by_halving,
     conditions,
     configuration,
+    never,
     opening,
     space,
     tabulated,
@@ -140,14 +147,14 @@ def test_a_grid_has_every_combination_once_and_goes_on(tmp_path):
         (inputs, neurons, how, None)
         for inputs, neurons, how in product(
             ("FFRI1", "FFRI2", "FFRI3", "FFRD4"), (1, 2, 3),
-            ("bayesian", "early-stopping"),
+            ("bayesian", "early-stopping", f"l2={WEIGHT!r}"),
         )
     }  # fmt: skip
     found = [tuple(configuration(t.parameters).values()) for t in every]
-    assert len(found) == len(wanted) == 24
+    assert len(found) == len(wanted) == 36
     assert set(found) == wanted
-    assert [t.stored for t in every] == [True] * len(kept) + [False] * 14
-    assert len(again) == 14
+    assert [t.stored for t in every] == [True] * len(kept) + [False] * 26
+    assert len(again) == 26
     assert not [one for one in again if one in asked[: len(kept)]]
 
 
@@ -157,19 +164,22 @@ def test_no_trial_of_a_grid_stops():
     asked = []
 
     class Known(Judge):
-        def _submit(self, chosen, ahead):
-            asked.append(ahead)
+        def _submit(self, chosen, rule):
+            asked.append(rule)
             return told((1.0, 1.0))
 
     ahead = SimpleNamespace(
         values=(0.0, 0.0),
         number=0,
         result={"nrmse": [0.0], "stopped_after": None, "configuration": {}},
+        parameters={"inputs": "FFRI1"},
     )
     places = Places("sqlite://", "", None, False)
-    for stops in (True, False):
-        Known(trainer, places, stops).submit(tabulated(SETTINGS)[0], [ahead])
-    assert asked == [[(0.0, [0.0])], []]
+    for rule in (by_front, by_halving, never):
+        Known(trainer, places, rule).submit(tabulated(SETTINGS)[0], [ahead])
+    assert asked[:2] == [Front([(0.0, [0.0])]), Halving([[0.0]])]
+    assert type(asked[2]) is Rule
+    assert not asked[2].stops([9.0] * 4, 9.0)
 
 
 def test_how_many_trials():
@@ -211,7 +221,7 @@ def test_the_sampler_is_part_of_the_key_and_logged(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("sampler", "trials"), [("nsga2", 6), ("grid", 8)])
+@pytest.mark.parametrize(("sampler", "trials"), [("nsga2", 6), ("grid", 12)])
 def test_the_study_runs_with_it(sampler, trials, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     asked = ["--smoke", "--neurons", "2", "--sampler", sampler]

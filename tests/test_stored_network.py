@@ -35,7 +35,9 @@ PULLS = {"a": (0.4, 20.0), "b": (0.6, 10.0), "c": (0.5, 40.0), "d": (0.6, 30.0)}
 def test_a_network_and_a_model_are_shown_in_short(network):
     model = replace(network, seen=Seen((0.0, 0.6), (0.0, 1.0)))
     assert len(repr(model)) < 200
-    assert "up to a strain of 0.6" in repr(model)
+    assert "at strains of 0 to 0.6" in repr(model)
+    pressed = replace(network, seen=Seen((-0.4, 3e-5), (0.0, 1.0)))
+    assert "at strains of -0.4 to 3e-05" in repr(pressed)
     assert model._repr_html_().count("<polyline") == 1
     units = Units("hooke", (0.0, 1.0))
     spring = Stored(units, np.array([2.0]), (), (), False, "fresh")
@@ -157,3 +159,12 @@ def test_bad_file_is_refused_in_one_line(network, case, tmp_path, capsys, change
 def test_a_network_from_outside_is_checked():
     with pytest.raises(InputError, match="not a network"):
         Network.from_dict({"hidden": [[1.0]]})
+
+
+def test_a_network_takes_times_and_strains_and_warns_beyond_its_training(network):
+    model = replace(network, seen=Seen((0.0, 0.6), (0.0, 1.0)))
+    time, strain = np.linspace(0, 1, 30), np.linspace(0, 0.5, 30)
+    mine = Recording(time, strain, np.zeros(30))
+    np.testing.assert_array_equal(model.simulate(time, strain), model.simulate(mine))
+    with pytest.warns(UserWarning, match="never shown .*strain"):
+        model.simulate(time, 4 * strain)

@@ -62,13 +62,20 @@ class Choice:
 
 
 def choices(
-    tried: Sequence[Finished], again: Again, finalists: int = FINALISTS
+    tried: Sequence[Finished],
+    again: Again,
+    finalists: int = FINALISTS,
+    halved: bool = False,
 ) -> dict[str, Choice]:
-    """For each use its choice among the finalists: whole trials of least error."""
+    """For each use its choice among the finalists: whole trials of least error.
+
+    For unseen rates those that were `halved` by random folds too: there they are whole.
+    """
     whole = [t for t in tried if t.result["stopped_after"] is None]
     found = {}
     for i, use in enumerate(USES):
-        final = sorted(whole, key=lambda t: (t.values[i], t.number))[:finalists]
+        able = tried if halved and use == "unseen" else whole
+        final = sorted(able, key=lambda t: (t.values[i], t.number))[:finalists]
         errors = {
             t.number: _together(use, folds(t, use), more)
             for t, more in zip(final, again(final, use), strict=True)

@@ -99,7 +99,7 @@ SEARCHED = (
 PANELS = {  # real recordings first
     "neurons-vhb4910-zhao": "recordings of\nVHB 4910 acrylic tape",
     "neurons-rubber-compression-relaxation": "recordings of\nrubber cylinders",
-    "neurons": "virtual specimens of\nnatural rubber with polyester",
+    "neurons-all": "virtual specimens of\nnatural rubber with polyester",
 }
 COMMAND = "python -m studies.architectures"
 

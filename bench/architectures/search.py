@@ -23,6 +23,7 @@ from bench.architectures.choices import (
     headline_of,
     rows_of,
 )
+from bench.architectures.compared import text as counts_text
 from bench.architectures.report import draw, table
 from bench.architectures.trials import (
     ALL_GIVEN,
@@ -30,7 +31,11 @@ from bench.architectures.trials import (
     KEPT,
     TRAINING,
     Judge,
+    by_front,
+    by_halving,
+    compared,
     conditions,
+    never,
     space,
 )
 from bench.architectures.verdict import basis, sentences
@@ -44,12 +49,13 @@ from softnn.recording import Recording
 from softnn.search import Finished
 from softnn.study import holding
 from softnn.study.baselines import MODELS, WAYS
-from softnn.study.common import save_figure
+from softnn.study.common import RESULTS, save_figure
 from softnn.study.material_data import Data, recorded, unloads
 from softnn.study.settings import Places, Settings
 from softnn.study.sweep import Sweep
 from softnn.study.trainer import Trainer
 
+CONFIGURATION = ("inputs", "neurons", "regularisation", "lag_s")
 CODE = (Path(__file__).with_name("trials.py"),)
 
 
@@ -61,16 +67,19 @@ def searched(
     sampler: str = "tpe",
     study: str = "architectures",
     finalists: int = FINALISTS,
+    compare: bool = False,
 ) -> dict[str, Any] | None:
     """One material: the search, the front, the choice for each use, what to take.
 
     Beside the networks stand the convex network (`softnn.study.holding`) and the
     baselines, on the same folds. A grid has as many trials as it has points, whatever
-    `trials`. `study` is the experiment in MLflow.
+    `trials`. `study` is the experiment in MLflow. With `compare` the search begins with
+    a part of the grid, and trials are halved.
     """
     trainer = Trainer(data, settings, TRAINING)
-    judge = Judge(trainer, places, stops=sampler not in ALL_GIVEN)
-    first = FIRST_OF[sampler](settings)
+    rule = by_halving if compare else never if sampler in ALL_GIVEN else by_front
+    judge = Judge(trainer, places, rule)
+    first = compared(settings) if compare else FIRST_OF[sampler](settings)
     if sampler in ALL_GIVEN:
         trials = len(first)
     seeds = [settings.seed, settings.seed + 1]
@@ -87,7 +96,7 @@ def searched(
         )
         if places.worker:
             return None
-        best = choices(tried, once_more(trainer, judge.unseen), finalists)
+        best = choices(tried, once_more(trainer, judge.unseen), finalists, compare)
         anew = {
             use: sweep.run(
                 judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}
@@ -100,17 +109,17 @@ def searched(
         ]
         rows = [*networks, *rest.rows]
         every = recorded(settings, data)
-        parts = "whole recordings" if data.cycles else "first loadings" if every else ""
+        seen = "whole recordings" if data.cycles else "first loadings" if every else ""
         said, takes = sentences(
-            networks, rest.convex, rest.baselines, judge.unseen, parts
+            networks, rest.convex, rest.baselines, judge.unseen, seen
         )
         kept = trainer.whole(best["random"].trial.result["configuration"])
-        never = rest.network(takes)
+        for_unseen = rest.network(takes)
         if every:
             networks[0]["whole"] = whole_errors(kept, every)
             if takes is rest.convex or takes["model"].startswith("PL"):
                 row = next(r for r in rest.rows if r is takes)
-                row["whole"] = whole_errors(never, every)
+                row["whole"] = whole_errors(for_unseen, every)
         shown = {"cycles": data.cycles, "unloads": any(map(unloads, every))}
         how = f"--data {settings.data} --cycles"
         trained_on = basis(data.material, shown, networks[0] if every else None, how)
@@ -131,6 +140,7 @@ def searched(
             trials=rows_of(tried),
         )
         text = verdict_table(rows, judge.unseen)
+        about_counts = counts_text(found["trials"], settings, RESULTS, data.label)
         about_front = table(found["front"], rest.baselines)
         with tempfile.TemporaryDirectory() as aside:
             pictures = save_figure(draw([found]), "front", Path(aside))
@@ -139,7 +149,11 @@ def searched(
                 | figures(networks[0], takes),
                 note="\n\n".join([f"**{data.label}**", *said, trained_on, text]),
                 files=pictures,
-                texts={"front.md": about_front, "table.md": text},
+                texts={
+                    "front.md": about_front,
+                    "table.md": text,
+                    "neurons.md": about_counts,
+                },
                 tags={
                     "best": "; ".join(f"{k}: {one.words}" for k, one in best.items()),
                     "model": networks[0]["model"],
@@ -147,9 +161,11 @@ def searched(
                 },
             )
         name = sweep.register(kept, ["best-random"], f"{said[0]} {trained_on}")
-        sweep.register(never, ["best-unseen-rate"], f"{said[1]} {trained_on}")
+        sweep.register(for_unseen, ["best-unseen-rate"], f"{said[1]} {trained_on}")
         from_store = sweep.from_store()
-    print("\n" + "\n\n".join([data.label, text, *said, *[trained_on] * bool(every)]))
+    parts = [about_counts] if compare else []
+    told = [*said, *[trained_on] * bool(every)]
+    print("\n" + "\n\n".join([data.label, *parts, text, *told]))
     print(
         f"\nregistered: models:/{name}@best-random and models:/{name}@best-unseen-rate "
         f"(softnn simulate 'models:/{name}@best-random' FILE --out DIR)"
@@ -284,21 +300,21 @@ def once_more(trainer: Trainer, unseen: str) -> Again:
 def keep(
     found: Mapping[str, Any], data: Data, settings: Settings, folder: Path
 ) -> Path:
-    """Write both ends of the front to a folder, for the tests to hold.
+    """Write the networks recommended for each use to a folder, for the tests to hold.
 
     They are trained again by `KEPT`, since a search trains them without a grid.
     """
     source = "" if data.is_virtual else f"{data.source}-"
     path = folder / f"architectures-{source}{data.file_name}.json"
     trainer = Trainer(data, settings, KEPT)
-    front = {"random": found["front"][0], "unseen": found["front"][-1]}
     content = {
         "data_sha256": data.digest,
         "settings": asdict(replace(settings, material=data.material)),
         "training": asdict(KEPT),
         "unseen": found["unseen"],
-        "ends": {
-            use: end_of(row, trainer, found["unseen"]) for use, row in front.items()
+        "networks": {
+            use: kept(chosen["configuration"], trainer, found["unseen"])
+            for use, chosen in found["choices"].items()
         },
     }
     json_file.write(path, content)
@@ -306,9 +322,11 @@ def keep(
     return path
 
 
-def end_of(row: Mapping[str, Any], trainer: Trainer, unseen: str) -> dict[str, Any]:
-    """A row of the front as it is kept: its configuration, and its errors by fold."""
-    chosen = {k: row[k] for k in ("inputs", "neurons", "regularisation", "lag_s")}
+def kept(
+    configuration: Mapping[str, Any], trainer: Trainer, unseen: str
+) -> dict[str, Any]:
+    """A network as it is kept: its configuration, and its errors by fold."""
+    chosen = {k: configuration[k] for k in CONFIGURATION}
     judged = trainer.judge_parts(chosen, {k: slice(None) for k in (unseen, "random")})
     random, never = judged["random"], judged[unseen]
     return {

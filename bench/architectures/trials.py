@@ -1,7 +1,8 @@
 """A trial of the study of architectures: what is drawn, and how it is judged.
 
-Folds are stopped by Wilcoxon's signed ranks against the front: see
-`studies.architectures`.
+A `Rule` says when the random folds of a trial stop: never, by Wilcoxon's signed ranks
+against the front (see `studies.architectures`), or by successive halving (see
+`studies.neurons`).
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from softnn.contracts import InputError
 from softnn.neural import ARCHITECTURES, PUBLISHED, architecture_of
 from softnn.neural import Settings as Training
 from softnn.search import TOGETHER, Finished, Range, Result, Value
+from softnn.search.halving import RUNGS, halved
 from softnn.study.material_data import Data
 from softnn.study.settings import Places, Settings, one_of
 from softnn.study.trainer import Trainer
@@ -44,6 +47,10 @@ ONE_SAMPLE, A_TIME = "one sample", "time"
 PART = 4  # random folds judged at a time: fewest that can reach the level below
 LEVEL = 0.1
 FIRST = (4, 12)  # neurons of the networks that every search begins with
+COUNTS = 6  # neurons that a comparison tries, of all that are asked for
+# L2 weight of a comparison and of a grid: the middle one of those that
+# `studies.regularisation` finds for the seven materials. A search draws others.
+WEIGHT = 2e-8
 
 
 def unseen_split(trainer: Trainer) -> str:
@@ -121,14 +128,43 @@ def opening(settings: Settings) -> list[dict[str, Value]]:
 
 
 def tabulated(settings: Settings) -> list[dict[str, Value]]:
-    """All that the thesis tabulates: inputs of Table 6.3, neurons, two ways of
+    """All that the thesis tabulates: inputs of Table 6.3, neurons, and three ways of
     regularisation; lags are one sample."""
     return [
-        {"inputs": name, "neurons": count, "regularisation": how, "lag": ONE_SAMPLE}
+        _point(name, how, count)
         for name in PUBLISHED
-        for how in ("bayesian", "early-stopping")
+        for how in WAYS["regularisation"]
         for count in settings.neurons
     ]
+
+
+def compared(settings: Settings) -> list[dict[str, Value]]:
+    """A part of `tabulated`: `COUNTS` neuron counts, in a random order.
+
+    The other architectures follow, one network of each. The order lets trials of all
+    kinds meet at every rung, or the first kind would be halved among its own.
+    """
+    wanted = np.geomspace(settings.neurons[0], settings.neurons[-1], COUNTS)
+    every = np.array(settings.neurons)
+    counts = {int(every[np.argmin(abs(every - one))]) for one in wanted}
+    points = list(product(PUBLISHED, WAYS["regularisation"], sorted(counts)))
+    order = np.random.default_rng(settings.seed).permutation(len(points))
+    others = [o for o in opening(settings) if o["inputs"] not in PUBLISHED]
+    least = min(o["neurons"] for o in others)
+    return [
+        *(_point(*points[i]) for i in order),
+        *(o for o in others if o["neurons"] == least),
+    ]
+
+
+def _point(name: str, how: str, count: int) -> dict[str, Value]:
+    return {
+        "inputs": name,
+        "neurons": count,
+        "regularisation": how,
+        "weight": WEIGHT,
+        "lag": ONE_SAMPLE,
+    }
 
 
 # Samplers, and the trials each begins with; a grid has no others, and none stops early.
@@ -175,20 +211,86 @@ def configuration(parameters: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+class Rule:
+    """When the random folds of a trial stop: never, if it is not a kind of its own."""
+
+    def bounds(self, number: int) -> list[int]:
+        """Folds judged when it is asked, and `number` of all at the end."""
+        return [*range(PART, number, PART), number]
+
+    def stops(self, errors: Sequence[float], unseen: float) -> bool:
+        """Whether the trial stops: errors of folds so far, and at unseen rates."""
+        return False
+
+
 Ahead = Sequence[tuple[float, Sequence[float]]]
 """Of networks on the front: error at unseen rates, errors of the random folds."""
 
 
+@dataclass(frozen=True)
+class Front(Rule):
+    """Stops where a network on the front is better in both ways, beyond doubt."""
+
+    ahead: Ahead
+
+    def stops(self, errors: Sequence[float], unseen: float) -> bool:
+        return beaten(errors, unseen, self.ahead)
+
+
+@dataclass(frozen=True)
+class Halving(Rule):
+    """Stops a network that is not in the best third by random folds.
+
+    `earlier`: errors of the random folds of networks with the same inputs, so that
+    neurons and regularisation are compared for each. At unseen rates all are judged.
+    """
+
+    earlier: Sequence[Sequence[float]]
+
+    def bounds(self, number: int) -> list[int]:
+        return [*(r for r in RUNGS if r < number), number]
+
+    def stops(self, errors: Sequence[float], unseen: float) -> bool:
+        return halved(self.at_rungs(errors), [self.at_rungs(e) for e in self.earlier])
+
+    @staticmethod
+    def at_rungs(errors: Sequence[float]) -> list[float]:
+        """Mean of the random folds at each rung reached."""
+        return [float(np.mean(errors[:r])) for r in RUNGS if r <= len(errors)]
+
+
+def never(chosen: Mapping[str, Any], done: Sequence[Finished]) -> Rule:
+    """Every fold of every trial."""
+    return Rule()
+
+
+def by_front(chosen: Mapping[str, Any], done: Sequence[Finished]) -> Rule:
+    """By the front of the trials finished before."""
+    return Front([(t.values[1], t.result["nrmse"]) for t in front(done)])
+
+
+def by_halving(chosen: Mapping[str, Any], done: Sequence[Finished]) -> Rule:
+    """By those of them that have the same inputs."""
+    mine = [t for t in done if t.parameters["inputs"] == chosen["inputs"]]
+    return Halving([t.result["nrmse"] for t in mine])
+
+
 class Judge:
-    """Trials of one material; used as a context. `stops`: random folds may stop early.
+    """Trials of one material; used as a context. `rule`: when the folds of a trial
+    stop, from its configuration and the trials finished before.
 
     Each is in a process of its own where the search is this process's alone; where
     others are on it too, and have cores of their own, trials are in this process.
     """
 
-    def __init__(self, trainer: Trainer, places: Places, stops: bool = True) -> None:
+    def __init__(
+        self,
+        trainer: Trainer,
+        places: Places,
+        rule: Callable[[Mapping[str, Any], Sequence[Finished]], Rule] = by_front,
+    ) -> None:
         self.trainer, self.unseen = trainer, unseen_split(trainer)
-        self.stops = stops
+        self.rule = rule
         self._alone = places.storage.startswith("sqlite")
         self._stack = ExitStack()
         self._pool: Executor | None = None
@@ -206,23 +308,21 @@ class Judge:
         self, parameters: Mapping[str, Any], done: Sequence[Finished]
     ) -> Future[Result]:
         """A trial whose random folds stop when they are plainly not needed."""
-        found = front(done) if self.stops else []
-        ahead = [(t.values[1], t.result["nrmse"]) for t in found]
         chosen = configuration(parameters)
         for other in done:  # the sampler may ask for the same again
             if other.result["configuration"] == chosen:
                 return _known((other.values, other.result))
-        return self._submit(chosen, ahead)
+        return self._submit(chosen, self.rule(chosen, done))
 
     def whole(self, parameters: Mapping[str, Any]) -> Result:
-        """Every fold, whatever the front."""
-        return self._submit(configuration(parameters), []).result()
+        """Every fold, whatever went before."""
+        return self._submit(configuration(parameters), Rule()).result()
 
-    def _submit(self, chosen: dict[str, Any], ahead: Ahead) -> Future[Result]:
+    def _submit(self, chosen: dict[str, Any], rule: Rule) -> Future[Result]:
         about = self.trainer.data, self.trainer.settings, self.unseen
         if self._pool is None:
-            return _known(judged(*about, chosen, ahead))
-        return self._pool.submit(judged, *about, chosen, ahead)
+            return _known(judged(*about, chosen, rule))
+        return self._pool.submit(judged, *about, chosen, rule)
 
 
 def _known(result: Result) -> Future[Result]:
@@ -236,22 +336,22 @@ def judged(
     settings: Settings,
     unseen_split: str,
     chosen: dict[str, Any],
-    ahead: Ahead,
+    rule: Rule,
 ) -> Result:
     """One trial: unseen rates and the first random folds, then the others."""
     trainer = _trainer(data.digest, data, settings)
-    number = settings.folds
+    bounds = rule.bounds(settings.folds)
     both = trainer.judge_parts(
-        chosen, {unseen_split: slice(None), "random": slice(0, min(PART, number))}
+        chosen, {unseen_split: slice(None), "random": slice(0, bounds[0])}
     )
     unseen, found = both[unseen_split], both["random"]
     mean = float(np.mean(unseen["nrmse"]))
     stopped = None
-    for start in range(PART, number, PART):
-        if beaten(found["nrmse"], mean, ahead):
+    for start, end in pairwise(bounds):
+        if rule.stops(found["nrmse"], mean):
             stopped = start
             break
-        part = slice(start, min(start + PART, number))
+        part = slice(start, end)
         _extend(found, trainer.judge_parts(chosen, {"random": part})["random"])
     found.pop("nrmse_by_rate")  # of the folds of one part it would mean little
     error = float(np.mean(found["nrmse"]))

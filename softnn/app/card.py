@@ -30,6 +30,8 @@ CLOCK = {
 }
 TICKS = {
     "compression": "The file counts compression as positive",
+    "zero": "Strain counts from where the file starts",
+    "zero_stress": "Force and stress count from where the file starts",
     "skip_bad_cells": "Cells that are no numbers are missing values",
     "as_is": "The numbers are right, however odd they look",
 }
@@ -39,7 +41,9 @@ DECIMAL = {"": "as found", ".": "point: 1.5", ",": "comma: 1,5"}
 # Messages speak to those who type; here the same things have names on the page.
 FLIP = {"": "neither", "strain": "strain", "stress": "stress"}
 SPOKEN = {
-    r"--unit '?([^'=]+)=\.\.\.'?": r"the unit of \1",
+    r"--unit '?(?:[^':=\s]+:)?([^'=]+)=([^\s'),;]*[^\s'),;.])'?": (
+        r"the unit of \1 (\2)"
+    ),
     r"--(length|width|thickness|diameter)( MM)?": r"\1",
     r"--area( MM2)?": "section",
     r"--interval( SECONDS)?": "the seconds between samples",
@@ -48,7 +52,9 @@ SPOKEN = {
     r"--decimal( \S+)?": "the decimal mark",
     r"--compression": "the tick for compression",
     r"--skip-bad-cells": "the tick for missing values",
-    r"--flip strain or --flip stress": "around by 'Turn the sign of' below",
+    r"--zero-stress": "the tick for force and stress",
+    r"--zero": "the tick for strain",
+    r"--flip \S*strain or --flip \S*stress": "around by 'Turn the sign of' below",
     r"--as-is": "so by the last tick below",
 }
 
@@ -58,6 +64,10 @@ def worded(message: str) -> str:
 
     >>> worded("no length of the specimen in it; give --length MM")
     'no length of the specimen in it; give length'
+    >>> worded("is strain in per cent? Divide it by 100 (--unit fast.csv:strain=%)")
+    'is strain in per cent? Divide it by 100 (the unit of strain (%))'
+    >>> worded("take it off with --zero-stress")
+    'take it off with the tick for force and stress'
     """
     for option, words in SPOKEN.items():
         message = re.sub(rf"{option}(?![\w-])", words, message)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import erf
 
-from softnn.contracts import Effect, Parameter
+from softnn.contracts import Effect, Parameter, increments
 from softnn.effects._programmes import cycles
 
 EARLY = 0.2  # of the largest strain: damage complete below it is a failing joint
@@ -66,7 +66,7 @@ class MullinsSoftening(Effect):
 
     @property
     def second_forms(self):
-        return (SimoDamage(), BeattySoftening())
+        return (SimoDamage(), BeattySoftening(), EnergySoftening())
 
     def factor(self, p, strain, largest):
         power = p["power"]
@@ -166,3 +166,42 @@ class BeattySoftening(MullinsSoftening):
         return [
             {"softening": size, "exponent": 0.5, "viscous_share": v} for v in (1.0, 0.0)
         ]
+
+
+class EnergySoftening(MullinsSoftening):
+    r"""Ogden and Roxburgh's law as material cards have it, by the energy of the spring.
+
+    .. math:: \eta = 1 - d \;\mathrm{erf}\!\left(\frac{W_m - W}{m + \beta W_m}\right),
+              \qquad W = \int \sigma_{eq}\, d\varepsilon
+
+    Depth d is 1/r of the card. energy_MPa m is that of the card times the share of the
+    modulus that lasts, as the energy here is that of the spring. The integral is by
+    trapezia over the samples.
+    """
+
+    of_card = True
+    pointwise = False
+    parameters = (
+        MullinsSoftening.parameters[0],
+        Parameter("energy_MPa", "MPa", 0.0, 1e4, 0.01, meaning="m", per_strain=-1),
+        Parameter("sharpness", "-", 0.0, 10.0, 0.1, meaning="beta"),
+    )
+    shape = ()
+
+    def after(self, p, signal, state):
+        strain, stress = np.broadcast_arrays(signal.strain, signal.equilibrium)
+        before, held, energy, most = state or (0.0, 0.0, 0.0, 0.0)
+        step = increments(strain, before)
+        mean = stress - increments(stress, held) / 2
+        work = energy + np.cumsum(mean * step, axis=0)
+        top = np.maximum.accumulate(np.maximum(work, most))
+        scale = np.maximum(p["energy_MPa"] + p["sharpness"] * top, 1e-300)
+        left = 1 - p["depth"] * erf((top - work) / scale)
+        softer = signal.having(
+            equilibrium=signal.equilibrium * left, branches=signal.branches * left
+        )
+        return softer, (strain[-1], stress[-1], work[-1], top[-1])
+
+    def starts(self, scales):
+        energy = 0.2 * scales.stress_MPa * scales.strain
+        return [{"depth": 0.35, "energy_MPa": energy, "sharpness": 0.2}]

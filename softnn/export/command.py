@@ -19,17 +19,18 @@ FORMS = (
     "fmu",
     "abaqus",
     "ansys",
+    "febio",
 )  # of `softnn.export.files`, not imported yet
 
 
-CARDS = ("abaqus", "ansys")
-ENDINGS = (".c", ".h", ".fmu", ".onnx", ".inp", ".mac", ".txt")  # of no folder
+CARDS = ("abaqus", "ansys", "febio")
+ENDINGS = (".c", ".h", ".fmu", ".onnx", ".inp", ".mac", ".txt", ".feb")  # of no folder
 
 
 def add_export(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
-        help="a model.json or network.json -> C, ONNX, FMU, Abaqus, Ansys",
+        help="a model.json or network.json -> C, ONNX, FMU, Abaqus, Ansys, FEBio",
         description="Write a model for a controller or a finite-element code. Forms: "
         "C99 with one step function; an FMU for FMI 2.0 and 3.0; ONNX for networks; "
         "material cards, which say what they cannot carry. A card whose stress is more "
@@ -105,8 +106,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def compared(model: Any, recordings: Sequence[Recording], anyway: bool) -> list[str]:
     """Lines on what a card of the model lacks. Raises `InputError` for too much."""
-    from softnn.export.cards import card
-    from softnn.export.loss import MOST, loss
+    from softnn.cards.loss import MOST, loss
+    from softnn.cards.written import card
 
     made = card(model)
     found = loss(model, made, recordings)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from softnn.cards.written import WRITERS
 from softnn.contracts import InputError
-from softnn.export.cards import abaqus, ansys
 from softnn.export.fmu import fmu
 from softnn.export.linear import stored_of
 from softnn.export.onnx_file import onnx_model
@@ -27,12 +27,15 @@ def _c(model: Any_model, name: str, options: Options) -> Files:
     return {f"{name}.h": header.encode(), f"{name}.c": source.encode()}
 
 
+def _card(ending: str, written: Callable) -> Callable:
+    return lambda model, name, _: {f"{name}{ending}": written(model, name).encode()}
+
+
 FORMS: dict[str, Callable[[Any_model, str, Options], Files]] = {
     "c": _c,
     "onnx": lambda model, name, _: {f"{name}.onnx": onnx_model(model)},
     "fmu": fmu,
-    "abaqus": lambda model, name, _: {f"{name}.inp": abaqus(model, name).encode()},
-    "ansys": lambda model, name, _: {f"{name}.mac": ansys(model, name).encode()},
+    **{code: _card(ending, write) for code, (ending, write) in WRITERS.items()},
 }
 
 

@@ -17,10 +17,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import softnn
+from softnn.cards.texts import remark
 from softnn.contracts import InputError
 from softnn.export.parts import Options
 from softnn.export.source import c_source, described, meanings
-from softnn.export.templates_of import fill, remark, template
+from softnn.export.templates_of import fill, template
 from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 

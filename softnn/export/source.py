@@ -5,9 +5,10 @@ from __future__ import annotations
 import textwrap
 
 import softnn
+from softnn.cards.texts import described, remark
 from softnn.export.instance import instance, kernels_for
 from softnn.export.parts import Options
-from softnn.export.templates_of import fill, remark, template
+from softnn.export.templates_of import fill, template
 from softnn.model_file import Stored
 from softnn.neural import StoredNetwork
 
@@ -38,15 +39,6 @@ def c_source(
         "notes": _remarks([*made.notes, *_units(model)]),
     }
     return fill(template("model.h"), places), fill(template("model.c"), places)
-
-
-def described(model: Stored | StoredNetwork) -> str:
-    """Return a description of a model, a line for a remark."""
-    if isinstance(model, StoredNetwork):
-        return f"network {remark(model.architecture)} of {len(model.network.hidden)}"
-    effects = ", ".join(piece.effect.id for piece in model.pieces)
-    base = remark(model.units.name, 40)
-    return f"{base} with {effects}" if effects else base
 
 
 def _units(model: Stored | StoredNetwork) -> list[str]:

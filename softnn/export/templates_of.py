@@ -105,18 +105,6 @@ def identifier(name: str) -> str:
     return plain if plain[0].isalpha() else f"m_{plain}"
 
 
-def remark(text: object, most: int = 100) -> str:
-    """Text from outside for a remark of a C, Abaqus or Ansys file: it ends nothing.
-
-    >>> remark("a */ b\\n#include <x> ** é")
-    'a b include x'
-    >>> remark("off by 3 %: too much")
-    'off by 3 per cent: too much'
-    """
-    plain = str(text).replace("%", "per cent")  # a sign of its own in some codes
-    return " ".join(re.sub(r"[^A-Za-z0-9 ,.;:+()_=-]+", " ", plain).split())[:most]
-
-
 def indented(text: str, by: int = 4) -> str:
     """Lines moved to the right; empty ones stay empty."""
     return "".join(

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from softnn import readers
 from softnn.axes import Axes, common
+from softnn.cards.given import Given
+from softnn.cards.read import is_card, read_card
 from softnn.contracts import Array, Chunk, InputError, nearest
 from softnn.mismatch import base as bases
 from softnn.mismatch import diagnosis
@@ -285,28 +287,32 @@ def inferred(case: Case, model: str | None = None) -> list[str]:
 @_of_arguments
 def diagnose(
     recordings: Recording | Sequence[Recording | str | Path] | Case | str | Path,
-    model: str | Path | Stored | StoredNetwork | None = None,
+    model: str | Path | Stored | StoredNetwork | Given | None = None,
     *,
     history: str | None = None,
     specimen: Mapping[str, str] | None = None,
     seed: int = 0,
     tolerance: float = 0.02,
     as_is: bool = False,
+    refit: bool = False,
+    card_unit: str | None = None,
     progress: Listener | None = None,
     **given: Any,
 ) -> Diagnosis:
     """Diagnose recordings: which effects a simulation left out, and how sure that is.
 
     `recordings`: a recording, a list of them, a file, a list of files, a folder or a
-    case. `model`: the name of a base, a model.json or the result of `load_model`; None
+    case. `model`: the name of a base, a model.json, the result of `load_model`, or a
+    material card (.inp, .mac, .feb); None
     takes the model that the case names, else the simulation stored with the recordings,
     else pl-wiechert. `history`: "fresh" if each recording begins at rest, "continued"
     if it goes on from the one before; None takes the case's own, else "fresh".
     `specimen`: maps names of recordings to names of specimens. `tolerance`: the error
-    of prediction, a fraction, that is good enough. `as_is`: accept
-    implausible numbers. `progress`: called with a `softnn.progress.Progress` from time
-    to time; None shows a bar on a terminal and in a notebook. `given`: as for `read`,
-    if files are read. Returns a `Diagnosis`. Raises `InputError`.
+    of prediction, a fraction, that is good enough. `as_is`: accept implausible numbers.
+    `refit`: fit the moduli of a material card too. `card_unit`: the unit of its
+    stresses. `progress`: called with a `softnn.progress.Progress` from time to time;
+    None shows a bar on a terminal and in a notebook. `given`: as for `read`, if files
+    are read. Returns a `Diagnosis`. Raises `InputError`.
 
     >>> import numpy as np
     >>> time = np.linspace(0, 20, 201)
@@ -339,6 +345,10 @@ def diagnose(
             case = replace(case, specimen=dict(specimen))
         if not isinstance(recordings, Case):
             case = plausible(case, as_is)
+        if isinstance(model, str | Path) and is_card(str(model)):
+            model = replace(read_card(str(model), card_unit), refit=refit)
+        elif refit or card_unit is not None:
+            raise InputError("refit and card_unit are for material cards")
         named = isinstance(model, Path) or (
             isinstance(model, str) and model.endswith(".json")
         )

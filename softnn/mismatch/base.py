@@ -65,7 +65,7 @@ def usable(case: Case, samples: int) -> Case:
     return thin(mask_failure(mask_gaps(case)), samples)
 
 
-def start(case: Case, model: str | None = None) -> Baseline:
+def start(case: Case, model: str | Base | None = None) -> Baseline:
     """Return the best fit of the base of a case, from which a search starts."""
     good, fine = mask_failure(mask_gaps(case)), to_data(usable(case, REPORT))
     data, few = (to_data(sparse(good, n)) for n in (SEARCH, COARSE))
@@ -176,16 +176,17 @@ def weigh_by(engine: Engine, noise: Sequence[Noise]) -> None:
 
 def baseline(
     data: Data,
-    name: str,
+    name: str | Base,
     groups: Sequence[tuple[int, ...]] = (),
     fine: Data | None = None,
     few: Data | None = None,
 ) -> Baseline:
-    """Return the base `name` refitted to the data; noise from `fine` if it is given."""
+    """Return a base refitted to the data; noise from `fine` if it is given."""
     engine = Engine(data, fine=None if fine is None else Engine(fine))
-    units = units_for(name, data)
+    units = units_for(name, data) if isinstance(name, str) else name
     pieces = nuisance(data, groups)
-    starts = (Guess(u, np.zeros(u.columns), pieces) for u in units.starts())
+    every = dict.fromkeys(units.starts())  # the first may be among the others
+    starts = (Guess(u, np.zeros(u.columns), pieces) for u in every)
     found = min((fit(engine, one) for one in starts), key=lambda f: f.chi2)
     noise: list[Noise] = []
     for _ in range(2):
@@ -193,7 +194,8 @@ def baseline(
         found = fit(engine, found.guess)
     less = None if few is None else Engine(few)
     notes = found.guess.units.remarks()
-    return Baseline(engine, found, noise, name, False, fewer=less, notes=notes)
+    said = name if isinstance(name, str) else name.name
+    return Baseline(engine, found, noise, said, False, fewer=less, notes=notes)
 
 
 def given(

@@ -11,12 +11,13 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from softnn.cards.read import is_card, read_card
 from softnn.contracts import InputError
 from softnn.database import Lock
 from softnn.mismatch.api import inferred, load_model, to_case
@@ -39,6 +40,8 @@ class Job:
     source: Path | tuple[Path, ...]
     out: Path
     model: str | None = None
+    refit: bool = False  # whether the moduli of a card are fitted
+    card_unit: str | None = None  # unit of stress of a card
     seed: int = 0
     tolerance: float = 0.02
     resume: bool = False
@@ -62,7 +65,9 @@ def jobs_of(
 ) -> list[Job]:
     """Return one job for each folder, one for all files. Raises `InputError`."""
     if model is not None:
-        base(model)  # refuse a wrong model once, before any case
+        base(
+            model, common.get("refit", False), common.get("card_unit")
+        )  # refuse a wrong model once, before any case
     paths = [Path(s) for s in sources]
     files = tuple(p for p in paths if p.is_file())
     cases: list[Path | tuple[Path, ...]] = [p for p in paths if p not in files]
@@ -168,7 +173,7 @@ def _diagnosed(job: Job) -> Outcome:
         told = json.loads((job.out / "diagnosis.json").read_text("utf-8"))
         return Outcome(f"done before: {told['summary']}", told)
     (job.out / FAILED).unlink(missing_ok=True)
-    model = None if job.model is None else base(job.model)
+    model = None if job.model is None else base(job.model, job.refit, job.card_unit)
     found = diagnose(case, model, job.seed, job.tolerance)
     found.result["provenance"] = {
         "softnn": __version__,
@@ -178,11 +183,23 @@ def _diagnosed(job: Job) -> Outcome:
     mark.unlink(missing_ok=True)
     found.save(job.out)
     mark.write_text(asked)
-    return Outcome(found.summary, found.result)
+    said = found.summary
+    if "card" in found.result:
+        said += f" {found.result['card']['summary']}"
+    return Outcome(said, found.result)
 
 
-def base(name: str) -> Any:
-    """Return the name of a base, or a stored model. Raises `InputError`."""
+def base(name: str, refit: bool = False, unit: str | None = None) -> Any:
+    """Return the name of a base, a stored model or a card. Raises `InputError`.
+
+    `refit` and `unit` (of stress) are of a card.
+    """
+    if is_card(name):
+        return replace(read_card(name, unit), refit=refit)
+    if refit or unit is not None:
+        raise InputError(
+            f"--refit and --card-unit are for material cards; --model is {name!r}"
+        )
     if name in (*BASES, AUTO):
         return name
     if Path(name).suffix == ".json" or Path(name).exists():
@@ -200,9 +217,11 @@ def _asked(case: Case, job: Job) -> str:
     for values in case.simulated_MPa or ():
         digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
     about = case.model, case.history, sorted(case.specimen.items()), job.model, job.seed
-    digest.update(repr((*about, job.tolerance, __version__)).encode())
-    if job.model is not None and Path(job.model).is_file():
-        digest.update(Path(job.model).read_bytes())
+    more = job.refit, job.card_unit, job.tolerance
+    digest.update(repr((*about, *more, __version__)).encode())
+    file = Path((job.model or "").partition("#")[0])
+    if job.model is not None and file.is_file():
+        digest.update(file.read_bytes())
     return digest.hexdigest()
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from softnn import readers
+from softnn.cards.given import UNITS
 from softnn.contracts import InputError, nearest
 from softnn.json_file import plain, write
 from softnn.models import hyperelastic, units
@@ -45,7 +46,19 @@ def add_diagnose(commands: Any) -> None:
         f"pl-wiechert), or a model.json. Bases: {', '.join(units.BASES)}; the "
         f"hyperelastic laws {', '.join(hyperelastic.LAWS)}, each alone or with "
         "-prony. Options of these: yeoh-prony:shear, hyperfoam:nu=0.3. auto: the one "
-        "that predicts recordings left out best",
+        "that predicts recordings left out best. A material card: an Abaqus .inp, an "
+        "Ansys .mac, a FEBio .feb, or FILE#MATERIAL",
+    )
+    parser.add_argument(
+        "--refit",
+        action="store_true",
+        help="fit the moduli of a material card too; else it stays as it is",
+    )
+    parser.add_argument(
+        "--card-unit",
+        metavar="|".join(UNITS),
+        help="unit of stress of a material card, where neither it nor the recordings "
+        "tell it",
     )
     parser.add_argument(
         "--template",
@@ -187,6 +200,8 @@ def diagnose(arguments: argparse.Namespace) -> int:
         arguments.cases,
         out,
         arguments.model,
+        refit=arguments.refit,
+        card_unit=arguments.card_unit,
         seed=arguments.seed,
         tolerance=arguments.tolerance,
         resume=arguments.resume,

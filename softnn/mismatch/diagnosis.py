@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from softnn import glance, progress
 from softnn.axes import Axes, common
+from softnn.cards.given import Given
 from softnn.contracts import Array, InputError
 from softnn.fit import Fit
 from softnn.mismatch import base, families, plan, untaught, written
@@ -22,6 +23,7 @@ from softnn.mismatch.case import Case, check_case, in_order, to_data
 from softnn.mismatch.decision import TOLERANCE
 from softnn.mismatch.judgement import judge
 from softnn.mismatch.learn import learn
+from softnn.mismatch.own_card import OwnCard, answer, notes, own_card, started
 from softnn.mismatch.plan import Plan
 from softnn.model_file import Correction, Stored, from_dict, in_units, to_dict
 from softnn.models import hyperelastic
@@ -52,6 +54,7 @@ class Diagnosis:
     measured: list[Array]
     before: list[Array]
     after: list[Array]
+    card: str | None = None  # the corrected card, where a card came in
 
     def __repr__(self) -> str:
         count = len(self.case.recordings)
@@ -136,9 +139,10 @@ class Diagnosis:
     def save(self, folder: str | Path) -> Path:
         """Write diagnosis.json, model.json, base.json and the report into `folder`.
 
-        next_recording.csv is the programme to record next, if there is one.
+        next_recording.csv is the programme to record next, if there is one. Where a
+        material card was corrected, it is there too.
         """
-        from softnn.json_file import write
+        from softnn.json_file import write, write_text
 
         progress.stage("writing")
         target = Path(folder)
@@ -149,11 +153,14 @@ class Diagnosis:
             write(aside / "model.json", self.model_json)
             write(aside / "base.json", self.base_json)
             self.report(aside)
+            files = ["model.json", "base.json", "report.html"]
+            if self.card is not None:
+                files.append(self.result["card"]["file"])
+                write_text(aside / files[-1], self.card)
             write(aside / "diagnosis.json", self.result)
             if plan.write(self.next_recording(), aside) is None:
                 (target / plan.FILE).unlink(missing_ok=True)  # of an earlier diagnosis
-            files = ("model.json", "base.json", "report.html", plan.FILE, plan.DONE)
-            for file in files:  # diagnosis.json last
+            for file in (*files, plan.FILE, plan.DONE):  # diagnosis.json last
                 if (aside / file).exists():
                     (aside / file).replace(target / file)
         return target
@@ -161,16 +168,16 @@ class Diagnosis:
 
 def diagnose(
     case: Case,
-    model: str | Stored | StoredNetwork | None = None,
+    model: str | Stored | StoredNetwork | Given | None = None,
     seed: int = 0,
     tolerance: float = TOLERANCE,
 ) -> Diagnosis:
     """Diagnose a case with the base `model`; return a `Diagnosis`.
 
     None takes the model that the case names, else its `simulated_MPa`, else
-    pl-wiechert. A stored model stays as it is, without a refit. `tolerance` is the
-    error of prediction, a fraction, that is good enough. Raises `InputError` for
-    recordings that cannot be diagnosed.
+    pl-wiechert. A stored model stays as it is, without a refit; so does a material card
+    unless it says `refit`. `tolerance` is the error of prediction, a fraction, that is
+    good enough. Raises `InputError` for recordings that cannot be diagnosed.
     """
     # The matrices are small: with several threads the products take longer.
     with threadpool_limits(limits=1, user_api="blas"):
@@ -179,7 +186,7 @@ def diagnose(
 
 def _diagnose(
     case: Case,
-    model: str | Stored | StoredNetwork | None,
+    model: str | Stored | StoredNetwork | Given | None,
     seed: int,
     tolerance: float,
 ) -> Diagnosis:
@@ -197,6 +204,11 @@ def _diagnose(
     rng = np.random.default_rng(seed)
     model = case.model if model is None else model
     source, never = None, list[untaught.Stretch]()
+    own = None
+    if isinstance(model, Given):
+        own = own_card(case, model)
+        case = replace(case, notes=(*case.notes, *notes(own)))
+        model = own.model if own.simulates else None
     if isinstance(model, str):
         if model != families.AUTO:
             check(model)
@@ -208,7 +220,8 @@ def _diagnose(
         model = None
     whole, case = case, untaught.taught(case, never)
     axes = _axes(case)
-    base_ = _start(counted(case, axes), model, axes.component)
+    given = None if own is None or own.simulates else own
+    base_ = _start(counted(case, axes), model, axes, given)
     told = judge(base_, tolerance)
     progress.part("the result", 0)
     learned = None
@@ -222,7 +235,7 @@ def _diagnose(
     if never:  # the diagnosed part of the case
         data = to_data(usable(counted(whole, axes), base.REPORT))
         shown = beyond(data, data.simulated_MPa or (), told.before.guess)
-    names, fixed = shown.data.names, told.base.fixed
+    names, fixed = shown.data.names, shown.remainder is not None
 
     def stored(one: Fit, extra: Correction | None = None) -> dict[str, Any]:
         guess, own = in_units(one.guess, axes)
@@ -234,24 +247,38 @@ def _diagnose(
         found = shown.by_recording(shown.run(one.guess, False)[0])
         return [s * axes.stress.one for s in found]
 
+    corrected = stored(told.after, None if learned is None else learned.correction)
+    text = None
+    if own is not None:
+        corrected_model = from_dict(corrected)
+        assert isinstance(corrected_model, Stored)
+        result["card"], text = answer(own, whole, corrected_model, result)
+        result["notes"].insert(0, result["card"]["summary"])
     return Diagnosis(
         whole,
         result,
-        stored(told.after, None if learned is None else learned.correction),
+        corrected,
         stored(told.before),
         [c.time_s for c in shown.data.chunks],
         [c.strain * axes.strain.one for c in shown.data.chunks],
         [s * axes.stress.one for s in shown.data.stress_MPa],
         stress(told.before),
         stress(told.after),
+        text,
     )
 
 
-def _start(case: Case, model: str | None, component: bool) -> Baseline:
+def _start(case: Case, model: str | None, axes: Axes, own: OwnCard | None) -> Baseline:
     """Return the best fit of the base; strains of a component are deflections."""
+    if own is not None:
+        return started(case, own, axes.stress.one)
     if model == families.AUTO:
-        return families.chosen(case, component)
-    if component and model is not None and model.split(":")[0] in hyperelastic.NAMES:
+        return families.chosen(case, axes.component)
+    if (
+        axes.component
+        and model is not None
+        and model.split(":")[0] in hyperelastic.NAMES
+    ):
         raise InputError(
             f"model is {model!r}; a hyperelastic law needs strains, and these are "
             "deflections: give --length and --area, or take --model pl-wiechert"

@@ -92,6 +92,10 @@ class Base(ABC):
         """Return the equilibrium stress for strains of any shape."""
 
     @abstractmethod
+    def undamped(self, strain: Array) -> Array:
+        """Return the stress (n,) of a branch of unit stiffness before it relaxes."""
+
+    @abstractmethod
     def branches(
         self, decays: tuple[Array, Array], strain: Array, state: Any = None
     ) -> tuple[Array, Any]:

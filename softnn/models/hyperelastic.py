@@ -57,9 +57,9 @@ class Law:
 
     `moduli` are names and units. `stresses(moduli, stretches)` gives the Kirchhoff
     stresses [MPa], of an incompressible law up to a pressure. `young(moduli)` is the
-    initial modulus [MPa]. `shape` are the free parameters for moduli that are scaled to
-    a modulus of 1; `made` and `read` turn them into moduli and back, for invariants
-    that reach I - 3 = `top` in the recordings. `c` is C of t, the stress along less
+    initial modulus [MPa]. `shape` are the free parameters. `made` turns them into
+    moduli of an initial modulus of 1, and `read` turns these back; `top` is the largest
+    I1 - 3 of the recordings. `c` is C of t, the stress along less
     that across, at a stretch l.
     """
 
@@ -417,6 +417,7 @@ class Hyper(Base):
     relaxation_times: Values = ()
     mode: Mode = "uniaxial"
     poisson: float = 0.5
+    fixed: bool = False  # whether its moduli keep their ratios in a fit
 
     def __post_init__(self) -> None:
         if any(not t > 0 for t in self.relaxation_times):
@@ -466,6 +467,8 @@ class Hyper(Base):
 
     @property
     def nonlinear(self) -> tuple[Parameter, ...]:
+        if self.fixed:
+            return ()
         values = self.law.read(self.moduli, self._top)
         return tuple(
             replace(p, default=float(np.clip(v, p.low, p.high)))
@@ -480,7 +483,7 @@ class Hyper(Base):
         return replace(self, moduli=self.law.made(shape, self._top))
 
     def starts(self) -> Sequence[Hyper]:
-        return [self._shaped(one) for one in self.law.starts]
+        return [self, *(self._shaped(one) for one in self.law.starts)]
 
     def only(self, branches: NDArray[np.integer]) -> Hyper:
         times = np.array(self.relaxation_times)[branches]
@@ -516,7 +519,7 @@ class Hyper(Base):
             return 1 / np.sqrt(first)
         return np.exp(_sides(self.law_name, self.moduli, self.poisson)(np.log(first)))
 
-    def _driven(self, strain: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    def driven(self, strain: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
         """Return what relaxes, and by what it counts in the stress, for E of 1 MPa."""
         a, b, c = self._stretches(strain)
         t1, t2, t3 = _kirchhoff(self.law, self.moduli, self.poisson, (a, b, c))
@@ -532,11 +535,14 @@ class Hyper(Base):
 
     def curve(self, strain: Array) -> Array:
         """Return the nominal stress at any strain, for E of 1 MPa."""
-        driven, weights = self._driven(strain)
+        driven, weights = self.driven(strain)
         return np.sum([x * w for x, w in zip(driven, weights, strict=True)], axis=0)
 
     def springs(self, strain: Array) -> Array:
         return self.curve(strain)[:, None]
+
+    def undamped(self, strain: Array) -> Array:
+        return self.curve(strain)
 
     def spring_stress(self, strain: Array, stiffness: Array) -> Array:
         return stiffness[0] * self.curve(strain)
@@ -546,7 +552,7 @@ class Hyper(Base):
     ) -> tuple[Array, Any]:
         from softnn.models.unit_kernel import maxwell
 
-        driven, weights = self._driven(strain)
+        driven, weights = self.driven(strain)
         count = len(self.relaxation_times)
         total, after = np.zeros((len(strain), count)), []
         for x, weight, own in zip(
@@ -568,7 +574,7 @@ class Hyper(Base):
     ) -> tuple[Array, tuple[Array, Array]]:
         from softnn.models.unit_kernel import borne
 
-        driven, weights = self._driven(strain)
+        driven, weights = self.driven(strain)
         used, sets = np.flatnonzero(stiffness), strain.shape[1]
         decay, gain = (np.ascontiguousarray(d[:, used]) for d in decays)
         last, carried = (

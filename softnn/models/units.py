@@ -135,6 +135,9 @@ relaxation_times=(1.0, 2.0, 4.0))
         out += stiffness[0] * np.minimum(strain - knots[0], 0)
         return out + stiffness[-1] * np.maximum(strain - knots[-1], 0)
 
+    def undamped(self, strain: Array) -> Array:
+        return strain
+
     def branch_stress(
         self,
         decays: tuple[Array, Array],

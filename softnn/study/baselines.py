@@ -44,6 +44,7 @@ WAYS = {
     "joint": "fitted jointly",
 }
 RULES = {"PL-SLS": "tau of the decaying part", "PL-Wiechert": "collocation"}
+STATED = "tau read literally"  # the text of section 5.4: 36.8 % of the initial stress
 JOINT_BRANCHES = {"PL-SLS": 1, "PL-Wiechert": 5}
 # The thesis takes k* from 500 mm/min, for SR, which has none, from the slowest.
 SLOWEST = ("SR",)
@@ -152,7 +153,7 @@ def variants(recordings: Sequence[Recording]) -> Iterator[Variant]:
         hold, about = test.mean, (test.held_strain, test.held_s)
         decaying = three_points(*hold)
         yield Variant("PL-SLS", decaying, *about, "tau of the decaying part")
-        yield Variant("PL-SLS", late_tau(hold), *about, "tau read literally")
+        yield Variant("PL-SLS", late_tau(hold), *about, STATED)
         collocated, _ = best_branches(hold)
         yield Variant("PL-Wiechert", collocated, *about, "collocation")
         constrained = non_negative(*hold, collocated.branches)
@@ -229,6 +230,16 @@ def best(found: Sequence[Choice], model: str) -> Choice:
 def literal(found: Sequence[Choice], model: str) -> Choice:
     """The same by the thesis's own way to branches, whichever hold it is taken from."""
     return best([c for c in found if c.variant.rule == RULES[model]], model)
+
+
+def stated(found: Sequence[Choice], model: str) -> Choice | None:
+    """The same with the relaxation time where the text of the thesis puts it.
+
+    Only PL-SLS has such a time; None for PL-Wiechert, whose times are spread by
+    collocation.
+    """
+    mine = [c for c in found if c.variant.rule == STATED]
+    return best(mine, model) if model == "PL-SLS" else None
 
 
 def piecewise_baselines(

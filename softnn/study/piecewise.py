@@ -290,6 +290,24 @@ def panels(number: int, height: float = 2.4, columns: int = 4) -> tuple[Figure, 
     return figure, grid[:number]
 
 
+def note_errors(axes: Axes, rows: Mapping[str, Sequence[float | None]]) -> None:
+    """Errors [fractions] of both models in a corner: as published, as found."""
+    lines = [
+        f"{name}: {', '.join(f'{100 * v:.2f}' for v in errors if v is not None)} %"
+        for name, errors in rows.items()
+        if any(v is not None for v in errors)
+    ]
+    axes.text(
+        0.98,
+        0.02,
+        "\n".join(lines),
+        transform=axes.transAxes,
+        fontsize=6,
+        ha="right",
+        va="bottom",
+    )
+
+
 def legend_below(figure: Figure, axes: Axes, number: int) -> None:
     """One legend for all panels, as wide as they are."""
     handles, labels = axes.get_legend_handles_labels()

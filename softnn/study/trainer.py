@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from softnn.crossval import Folds, make_folds, rate_groups, score
-from softnn.metrics import generalisation_error, nrmse
+from softnn.metrics import generalisation_error, nrmse, r2
 from softnn.neural import (
     Network,
     Regularisation,
@@ -133,9 +133,9 @@ class Trainer:
         """Return the same for some folds of several splits, all networks in one batch.
 
         A network with its stress fed back is judged running on its own stress;
-        `nrmse_measured` is its error with the measured stress. A recurrent network runs
-        through whole recordings. It sees the strain of held-out samples, as other
-        networks do in lags and filters, but never their stress.
+        `nrmse_measured`, `r2_measured` are its scores with the measured stress. A
+        recurrent network runs through whole recordings. It sees the strain of held-out
+        samples, as other networks do in lags and filters, but never their stress.
         """
         chosen = self.chosen(parameters)
         inputs, lag_s = chosen["inputs"], chosen["lag_s"]
@@ -203,15 +203,16 @@ class Trainer:
     def _measured(
         self, inputs: str, known: Samples, folds: Folds, trained: Sequence[Trained]
     ) -> dict[str, Any]:
-        """NRMSE fold by fold with the measured stress fed back (thesis 6.4.1)."""
+        """NRMSE, R2 fold by fold with the measured stress fed back (thesis 6.4.1)."""
         if not architecture_of(inputs).feedback:
             return {}
-        pairs = zip(folds.test, trained, strict=True)
+        pairs = [
+            (t.network.predict(known.inputs[test]), known.target[test])
+            for test, t in zip(folds.test, trained, strict=True)
+        ]
         return {
-            "nrmse_measured": [
-                nrmse(t.network.predict(known.inputs[test]), known.target[test])
-                for test, t in pairs
-            ]
+            "nrmse_measured": [nrmse(*pair) for pair in pairs],
+            "r2_measured": [r2(*pair) for pair in pairs],
         }
 
     def _by_rate(

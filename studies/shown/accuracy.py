@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from softnn.study.baselines import MODELS
 from softnn.study.common import COLOURS, FAINT, INK, markdown, percent
-from softnn.study.piecewise import Case, Work, legend_below, panels
+from softnn.study.piecewise import Case, Work, legend_below, note_errors, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,6 +84,14 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
                 linewidth=1,
                 label=model,
             )
+        best = [one["best"][model] for model in MODELS]
+        note_errors(
+            axes,
+            {
+                "Table 5.1": [b.get("published", {}).get("nrmse") for b in best],
+                "found": [b["nrmse"] for b in best],
+            },
+        )
         axes.set_title(case.material[:28])
         axes.set_xlabel("strain")
         axes.locator_params(axis="x", nbins=5)

@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def draw(headline: Mapping[str, Any], body: Mapping[str, Any]) -> Figure:
+def draw(body: Mapping[str, Any]) -> Figure:
     """A specimen by the measured and by its own stress; error over samples alone."""
+    headline = body["headline"]
     figure = new_figure(8.4, 3.4)
     left, right = figure.subplots(1, 2)
     one = body["specimen"]
@@ -51,5 +52,5 @@ def draw(headline: Mapping[str, Any], body: Mapping[str, Any]) -> Figure:
     right.set_title(f"measured stress fed back: {percent(headline['nrmse_measured'])}")
     right.set_ylim(top=20 * right.get_ylim()[1])  # room for the legend
     right.legend(fontsize=7, loc="upper left")
-    figure.suptitle(body["material"], fontsize=9, x=0.01, ha="left")
+    figure.suptitle(body["label"], fontsize=9, x=0.01, ha="left")
     return figure

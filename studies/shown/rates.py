@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from softnn.study.baselines import MODELS
 from softnn.study.common import COLOURS, FAINT, percent
-from softnn.study.piecewise import Case, Work, panels, speed_label
+from softnn.study.piecewise import Case, Work, note_errors, panels, speed_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,6 +19,11 @@ def rows_of(
     thesis, joint = found["fitted_at"], found["joint"]
     rows = [
         _row(f"{model}, k* at {thesis}", found["as_in_thesis"]),
+        *(
+            [_row("  tau as the text says", found["as_stated"])]
+            if found["as_stated"]
+            else []
+        ),
         _row("  any reading of the branches", found["any_reading"]),
         _row("  branches at the best share of it", found["softened"]),
     ]
@@ -79,6 +84,14 @@ def draw(work: Work, cases: list[Case], found: list[dict[str, Any]]) -> Figure:
         high = max(float(c.stress_MPa.max()) for c in case.curves)
         # A prediction that leaves the page is cut off; its error is in the table.
         axes.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
+        of = [one["models"][model] for model in MODELS]
+        note_errors(
+            axes,
+            {
+                "Table 5.2": [m["published"] for m in of],
+                "found": [m["as_in_thesis"]["generalisation_error"] for m in of],
+            },
+        )
         axes.set_title(case.material[:28])
         axes.set_xlabel("strain")
         axes.locator_params(axis="x", nbins=5)

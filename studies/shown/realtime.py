@@ -16,6 +16,14 @@ if TYPE_CHECKING:
 Drawn = dict[tuple[str, str, str], Any]  # by scenario, place and what was fed
 
 
+NOTHING = (None, None, None)
+SEEN = (  # by the thesis, of one network, without values
+    ("thesis, Fig. 7.2: derivative", "negative", "never", "both signs", "always")
+    + NOTHING,
+    ("thesis, Fig. 7.3: 250 mm/min", "stable", "stable", None, "stable") + NOTHING,
+)
+
+
 def one(rows: Sequence[Row], scenario: str, place: str, fed: str) -> Row:
     """The one row of FFRD4 with these."""
     wanted = {"inputs": "FFRD4", "scenario": scenario, "place": place, "fed": fed}
@@ -70,10 +78,10 @@ def headline_of(rows: Sequence[Row], neurons: int, number: int) -> Row:
 
 
 def report(body: Row) -> str:
-    """The verdict as a table; shares of time are in per cent."""
+    """The verdict as a table, below what the thesis saw; shares of time in per cent."""
     header = ["fed as the rate", "a: negative in", "b: in", "d: in", "c: of the time"]
     header += ["NRMSE a", "b", "d"]
-    rows = [
+    found = [
         [
             v["fed"],
             *(f"{v[f'{s}_negative_in']} of {v['networks']}" for s in "abd"),
@@ -82,7 +90,7 @@ def report(body: Row) -> str:
         ]
         for v in body["verdict"]
     ]
-    return common.markdown(header, rows)
+    return common.markdown(header, [*SEEN, *found])
 
 
 def draw(drawn: Drawn) -> Figure:

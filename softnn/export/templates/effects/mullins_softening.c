@@ -32,3 +32,18 @@ double largest;
     eq *= 1.0 - fmin(2.0 - {viscous_share}, 1.0) * lost;
     br *= 1.0 - fmin({viscous_share}, 1.0) * lost;
 }
+/*@ EnergySoftening state */
+double strain, stress, work, top;
+/*@ EnergySoftening after */
+{
+    double factor;
+    q->work += (eq + q->stress) / 2.0 * (e - q->strain);
+    q->strain = e;
+    q->stress = eq;
+    q->top = fmax(q->top, q->work);
+    factor = 1.0
+             - {depth} * erf((q->top - q->work)
+                             / fmax({energy_MPa} + {sharpness} * q->top, 1e-300));
+    eq *= factor;
+    br *= factor;
+}

@@ -22,8 +22,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import erf
 
+from softnn.cards.written import Card, of_test
 from softnn.contracts import Array, Chunk
-from softnn.export.cards import Card, of_test
 from softnn.model_file import Stored
 from softnn.models.units import Units
 from softnn.recording import Recording
@@ -100,22 +100,28 @@ def card_stress(made: Card, chunk: Chunk) -> Array:
     """Return the nominal stress (n,), MPa, of a finite-element code with the card."""
     strain = np.asarray(chunk.strain, float)
     stretch: Array = 1 + np.maximum(strain, -0.95)  # no length is left at -1
-    first = _curve(made, strain)
+    left: Array | float = 1.0
     if made.mullins is not None:
-        first = first * _softened(made, strain, *made.mullins)
-    along = 2 / 3 * first / stretch
-    across = -1 / 3 * first * stretch**2
+        left = _softened(made, strain, *made.mullins)
+    if made.law is not None:
+        driven, weights = made.law.driven(strain)
+        parts = [left * made.young * x for x in driven]
+    else:
+        first = left * _curve(made, strain)
+        parts = [2 / 3 * first / stretch, -1 / 3 * first * stretch**2]
+        weights = stretch, -1 / stretch**2
     if len(made.shares):
         relaxed = Units("wiechert", (0.0, 1.0), tuple(map(float, made.times_s)))
         shares = np.array([1 - made.shares.sum(), *made.shares])
         # A branch answers whatever is imposed: here a stress, in place of a strain.
-        both = [replace(chunk, strain=s) for s in (along, across)]
-        along, across = simulate(relaxed, shares, [], both)
-    return np.asarray(stretch * along - across / stretch**2)
+        parts = simulate(relaxed, shares, [], [replace(chunk, strain=s) for s in parts])
+    return np.sum([x * w for x, w in zip(parts, weights, strict=True)], axis=0)
 
 
 def _curve(made: Card, strain: Array) -> Array:
     """The curve (n,), MPa, going on straight beyond its ends."""
+    if made.law is not None:
+        return made.young * made.law.curve(strain)
     x, y = made.strain, made.stress_MPa
     below = y[0] + (strain - x[0]) * (y[1] - y[0]) / (x[1] - x[0])
     above = y[-1] + (strain - x[-1]) * (y[-1] - y[-2]) / (x[-1] - x[-2])

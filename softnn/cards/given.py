@@ -1,0 +1,194 @@
+"""A card as it was read: a hyperelastic law, a Prony series, Mullins softening."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import nnls
+
+from softnn.contracts import Array, InputError
+from softnn.effects import effect
+from softnn.fit import Guess, Piece
+from softnn.model_file import Stored, from_dict, to_dict
+from softnn.models.hyperelastic import LAWS, PRONY, Hyper, Values
+
+UNITS = {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6, "GPa": 1e3, "psi": 6.894757e-3}
+INCOMPRESSIBLE = 0.49  # Poisson ratio; above it the stress of a strip hardly depends
+LARGEST = 20_000_000  # bytes of a card, with all that it includes
+PER_DECADE = 2  # relaxation times in a series for relaxation data
+SMALL = 1e-6  # of the relaxation; a smaller share is none
+WIDE = 10.0  # strain to which a card is taken to hold, until recordings say more
+_UNIT = re.compile(r"\b(MPa|N/mm\^?2|N, ?mm|kPa|GPa|psi|Pa)\b")
+
+
+@dataclass(frozen=True)
+class Given:
+    """A card. Moduli are of the law before it relaxes, in the unit of the card.
+
+    `shares` and `times_s` are of the Prony series. `mullins` are r, m and beta of Ogden
+    and Roxburgh. `unit` is that of a stress, "" where the file does not say it. `notes`
+    name keywords that were passed over, and inferences.
+    """
+
+    dialect: str  # of `softnn.cards.written.WRITERS`
+    name: str
+    law: str
+    moduli: Values
+    poisson: float = 0.5
+    shares: Values = ()
+    times_s: Values = ()
+    mullins: tuple[float, float, float] | None = None
+    unit: str = ""
+    notes: tuple[str, ...] = ()
+    refit: bool = False  # whether a diagnosis may fit its moduli
+
+    def __post_init__(self) -> None:
+        values = (*self.moduli, *self.shares, *self.times_s, *(self.mullins or ()))
+        if not np.isfinite(values).all():
+            raise InputError(f"material {self.name} holds NaN or infinity")
+        if any(not 0 <= g <= 1 for g in self.shares) or sum(self.shares) >= 1:
+            raise InputError(
+                f"material {self.name}: the shares of the Prony series add up to "
+                f"{sum(self.shares):.4g}; each is 0 or more, together below 1"
+            )
+        if any(not t > 0 for t in self.times_s):
+            raise InputError(f"material {self.name}: relaxation times are above 0 s")
+        if self.mullins is not None:
+            r, m, beta = self.mullins
+            if not (r > 1 and m >= 0 and beta >= 0 and m + beta > 0):
+                raise InputError(
+                    f"material {self.name}: r, m and beta of the Mullins effect are "
+                    f"{r:.4g}, {m:.4g}, {beta:.4g}; r is above 1, the others 0 or more"
+                )
+        LAWS[self.law].unit(self.moduli)  # raises unless the modulus is above 0
+
+    @property
+    def young(self) -> float:
+        """Initial Young's modulus before it relaxes, in the unit of the card."""
+        return LAWS[self.law].young(self.moduli)
+
+    @property
+    def said(self) -> str:
+        """What the card is, in a few words."""
+        terms = len(self.shares)
+        series = [f"{terms} Prony term{'s'[: terms != 1]}"] if terms else []
+        more = " and ".join(series + ["Mullins effect"] * (self.mullins is not None))
+        return f"{LAWS[self.law].said} card" + (f" with {more}" if more else "")
+
+    def base(self, reach: tuple[float, float] = (-0.95, WIDE)) -> Hyper:
+        """Return its law with its series, for strains of this range."""
+        law = LAWS[self.law]
+        name = self.law + (PRONY if self.shares else "")
+        unit = law.unit(self.moduli)
+        return Hyper(
+            name, self.law, unit, reach, self.times_s, "uniaxial", self.poisson
+        )
+
+    def stored(self, unit: str, reach: tuple[float, float] = (-0.95, WIDE)) -> Stored:
+        """Return the card as a model in MPa, given the unit of its stresses."""
+        young = self.young * UNITS[unit]
+        lasting = 1 - sum(self.shares)
+        stiffness = young * np.array([lasting, *self.shares])
+        pieces: tuple[Piece, ...] = ()
+        if self.mullins is not None:
+            r, m, beta = self.mullins
+            values = {
+                "depth": 1 / r,
+                "energy_MPa": m * UNITS[unit] * lasting,
+                "sharpness": beta,
+            }
+            pieces = (
+                Piece(effect("mullins_softening", "EnergySoftening"), values, ()),
+            )
+        guess = Guess(self.base(reach), stiffness, pieces)
+        model = from_dict(to_dict(guess, [], "fresh", False))
+        assert isinstance(model, Stored)
+        return model
+
+
+def compressible(given: Given, bulk: float, relaxes: bool) -> Given:
+    """Return the card with its Poisson ratio, from a bulk modulus (0: incompressible).
+
+    `relaxes`: whether the bulk modulus relaxes by the same series. Raises `InputError`
+    where only a simulation in space would tell the stress.
+    """
+    if not bulk > 0:
+        return given
+    shear = given.young / 3
+    poisson = (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
+    if poisson >= INCOMPRESSIBLE:
+        note = f"Poisson ratio {poisson:.5g}, taken as incompressible"
+        return replace(given, notes=(*given.notes, note))
+    if given.shares and not relaxes:
+        raise InputError(
+            f"material {given.name} has a Poisson ratio of {poisson:.4g} and a series "
+            "for shear alone, which softnn does not simulate; it takes ratios from "
+            f"{INCOMPRESSIBLE} on, or a bulk series equal to that of shear"
+        )
+    return replace(given, poisson=float(poisson))
+
+
+def unit_of(text: str) -> str:
+    """Return the unit of stress that a comment says, "" if none or several.
+
+    >>> unit_of("** units N, mm, s, MPa"), unit_of("* Pa or kPa")
+    ('MPa', '')
+    """
+    alias = {"N/mm2": "MPa", "N/mm^2": "MPa", "N, mm": "MPa", "N,mm": "MPa"}
+    found = {alias.get(x, x) for x in _UNIT.findall(text)}
+    return found.pop() if len(found) == 1 else ""
+
+
+def series_for(time_s: Array, modulus: Array) -> tuple[Values, Values, float]:
+    """Return shares and times of a Prony series for relaxation data, and its error.
+
+    `modulus` is over that at time 0. Least squares with shares of 0 or more, at fixed
+    times; the error is the largest difference.
+    """
+    good = time_s > 0
+    time_s, modulus = time_s[good], modulus[good]
+    if len(time_s) < 2 or not ((modulus > 0) & (modulus <= 1)).all():
+        raise InputError(
+            "relaxation data hold a modulus over the initial one, above 0 to 1, at two "
+            "times above 0 or more"
+        )
+    first, last = time_s.min(), time_s.max()
+    count = max(int(np.ceil(PER_DECADE * np.log10(last / first))), 1) + 1
+    times = np.geomspace(first, last, count)
+    columns = -np.expm1(-time_s[:, None] / times)
+    shares, _ = nnls(columns, 1 - modulus)
+    off = float(np.abs(1 - columns @ shares - modulus).max())
+    kept = shares > SMALL
+    return tuple(shares[kept].tolist()), tuple(times[kept].tolist()), off
+
+
+def numbers(fields: Sequence[str], where: str) -> list[float]:
+    """Return the numbers of a line; empty fields are 0. Raises `InputError`."""
+    out = []
+    for field in fields:
+        text = field.strip().lower().replace("d", "e")
+        try:
+            out.append(float(text) if text else 0.0)
+        except ValueError:
+            raise InputError(f"{where}: {field.strip()[:40]!r} is no number") from None
+    return out
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a card. Raises `InputError` unless it is text."""
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(
+                f"has more than {LARGEST // 10**6} MB; give the material alone",
+                file=path,
+            )
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+    if b"\0" in data:
+        raise InputError("is no text file", file=path)
+    return data.decode("utf-8", errors="replace")
