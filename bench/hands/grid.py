@@ -70,12 +70,11 @@ def at(
             alone = [base.energy(simulate(setup, planted))]
         if not np.isfinite(alone).all():
             continue
-        energies = {"energy_of_base_alone": basic}
-        energies |= measured(base, tuple(laws), planted, alone)
-        energies["oracle_power"] = [
-            power(energy, degrees(act))
-            for energy, (act, _) in zip(alone, planted, strict=True)
+        seen = [
+            power(energy, degrees(one))
+            for energy, (one, _) in zip(alone, planted, strict=True)
         ]
+        told = measured(base, tuple(laws), planted, alone)
         return Case(
             "single" if laws else "null",
             side,
@@ -87,7 +86,7 @@ def at(
             specimens,
             warm,
             0.0,
-            energies,
+            {"energy_of_base_alone": basic, **told, "oracle_power": seen},
             tries,
             rng,
         )
