@@ -9,7 +9,15 @@ import pytest
 import torch
 from export_made import memory, network
 
-from bench.architectures.trials import INPUTS, WAYS, conditions, judged, opening, way_of
+from bench.architectures.trials import (
+    INPUTS,
+    WAYS,
+    by_front,
+    conditions,
+    judged,
+    opening,
+    way_of,
+)
 from softnn.contracts import Chunk, InputError
 from softnn.metrics import nrmse
 from softnn.models.units import Units
@@ -156,7 +164,8 @@ def test_random_folds_are_those_of_others_and_rates_are_left_out_whole():
 def test_a_trial_is_judged_on_the_folds_of_others_and_the_same_again():
     tanh = {**CHOSEN, "inputs": "FFRD4"}
     one, two, other = (
-        judged(data(), SMALL, "rate", chosen, []) for chosen in (CHOSEN, CHOSEN, tanh)
+        judged(data(), SMALL, "rate", chosen, by_front(chosen, []))
+        for chosen in (CHOSEN, CHOSEN, tanh)
     )
     assert one[0] == two[0]
     for key in ("folds", "test_samples", "samples"):
