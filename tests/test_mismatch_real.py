@@ -50,7 +50,10 @@ def test_acrylic_tape_buckles():
 @pytest.mark.parametrize("group", ["leap_t", "new_heel"])
 def test_foam_softens_on_reloading_and_keeps_a_set(group):
     found = result("foam-tpe-tension-cyclic", group, own_specimens=True)
-    assert {"mullins_softening", "permanent_set"} <= set(found["selected"])
+    assert "mullins_softening" in found["selected"]
+    # These recordings may not tell a set from viscosity.
+    named = {*found["selected"], *(m for c in found["classes"] for m in c["members"])}
+    assert "permanent_set" in named
     assert found["fit"]["heldout_ratio"] < 0.25
     assert found["fit"]["after"]["heldout_nrmse"] < 0.04
 

@@ -146,7 +146,7 @@ def possible(noise: Sequence[Noise], stress_MPa: Sequence[Array]) -> list[Noise]
         level = float(np.sqrt(np.nanmean(one.sigma(s) ** 2)))
         limit = max(most, SHOWN * white(s))
         by = min(limit / max(level, 1e-300), 1.0)
-        if by < 1:
+        if 0 < by < 1:
             one = replace(one, floor_MPa=one.floor_MPa * by, share=one.share * by)
         out.append(one)
     return out

@@ -98,13 +98,12 @@ def judge(base: Baseline, tolerance: float = TOLERANCE) -> Judgement:
     `tolerance` is the error of prediction that the user finds good enough.
     """
     progress.part("how far from the noise", 0)
-    first = prediction.sketch(base)
-    if not far_from_noise(base, first):
+    if not far_from_noise(base, prediction.sketch(base, every=True)):
         found = search(base)
         if found.reaches_noise:
             return by_likelihood(found, tolerance)
         base = found.base
-    return by_prediction(base, first, tolerance)
+    return by_prediction(base, tolerance)
 
 
 def far_from_noise(base: Baseline, first: Fit) -> bool:
@@ -174,20 +173,15 @@ def by_likelihood(found: Search, tolerance: float = TOLERANCE) -> Judgement:
     )
 
 
-def by_prediction(
-    base: Baseline, first: Fit, tolerance: float = TOLERANCE
-) -> Judgement:
+def by_prediction(base: Baseline, tolerance: float = TOLERANCE) -> Judgement:
     """Judge where no candidate explains the recordings down to the noise.
-
-    `first` is a sketch, beside which replicates are compared.
 
     Without labels, replicates whose stress differs by a factor each are different
     specimens. Faults of single recordings come next: every candidate has the likely
     ones. The comparison of replicates is repeated beside the best candidate.
     """
     engine = prediction.alike(base.engine)
-    scaled = not base.said and are_specimens(engine)
-    if scaled:
+    if not base.said and are_specimens(engine):
         base = _each_of_its_own(base)
     own = {f.effect: f for f in zeros.at_rest(engine) + faults.at_limit(engine)}
 
@@ -210,7 +204,7 @@ def by_prediction(
         return any(f.likely for f in new)
 
     if Replicates(engine).groups:
-        ask(prediction.sketch(base, pieces()) if scaled or pieces() else first)
+        ask(prediction.sketch(base, pieces()))
     given = pieces()
     found = prediction.search(base, given)
     known = dict(own)

@@ -447,8 +447,9 @@ class Alternatives:
         if unknown:
             return None
         every = library.programmes()
-        scored = [(p, self.score(p)) for p in every]
         # Far beyond the recordings a model may run away; nothing is foretold there.
+        with np.errstate(all="ignore"):
+            scored = [(p, self.score(p)) for p in every]
         scored = [(p, s) for p, s in scored if np.isfinite(s.gain)]
         own = [(p, s) for p, s in scored if p.kind == "programme"]
         if not own and every:

@@ -392,16 +392,18 @@ def ranked(every: Iterable[Candidate]) -> list[Candidate]:
 # --- the search -----------------------------------------------------------------------
 
 
-def sketch(base: Baseline, given: Sequence[Piece] = ()) -> Fit:
+def sketch(base: Baseline, given: Sequence[Piece] = (), every: bool = False) -> Fit:
     """Return the base with faults `given` and the two best effects, added in turn.
 
     It is good enough to compare replicates, since laws are wrong alike in all of them.
+    With `every` effect tried, those of single recordings too.
     """
     engine, coarse = alike(base.engine), alike(base.coarse)
     found = fit(coarse, base.fit.guess, fixed_base=base.fixed)
     for piece in given:
         found = refine(coarse, found, piece)
-    pool = candidates(engine, base.has, _own_forms(base))
+    out = frozenset[str]() if every else _own_forms(base)
+    pool = candidates(engine, base.has, out)
     for _ in range(SKETCHED):
         more = expand(coarse, found, pool, LATER)
         found = min([found, *more], key=lambda f: f.chi2)
