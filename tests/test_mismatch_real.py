@@ -72,10 +72,12 @@ def test_what_sets_some_specimens_apart_is_named_on_top(fault):
         "foam", tuple(recordings), specimen={r.name: r.name for r in recordings}
     )
     if fault:
-        case = faulty(case, FAULTS[fault], 1.0, np.random.default_rng(0))
+        case = faulty(case, FAULTS[fault], 1.0, np.random.default_rng(0)).case
     expected = {FAULTS[fault].effect} if fault else set()
-    found = set(diagnose(case).result["selected"])
-    assert found == {"mullins_softening", "permanent_set"} | expected
+    told = diagnose(case).result
+    assert {"mullins_softening"} | expected <= set(told["selected"])
+    named = {*told["selected"], *(m for c in told["classes"] for m in c["members"])}
+    assert "permanent_set" in named
 
 
 @pytest.mark.exhaustive  # two minutes: a tape that a test above diagnoses, three times
@@ -95,9 +97,8 @@ def test_what_sets_some_specimens_apart_is_named_on_top(fault):
 )
 def test_what_recordings_show_by_themselves_is_named_beside_the_material(fault):
     recordings = [r for r in read_set("vhb4910-zhao") if "lu_" in r.name]
-    case = faulty(
-        Case("tape", tuple(recordings)), FAULTS[fault], 1.0, np.random.default_rng(1)
-    )
+    rng = np.random.default_rng(1)
+    case = faulty(Case("tape", tuple(recordings)), FAULTS[fault], 1.0, rng).case
     found = set(diagnose(case).result["selected"])
     assert found == {"finite_strain", "tension_only", FAULTS[fault].effect}
 
