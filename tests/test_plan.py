@@ -320,7 +320,7 @@ def test_the_next_recording_of_one_specimen_begins_where_it_ended():
     known = limits_of(LOOP, continued=True)
     left = among(stored(SOFTENS, history="continued"), stored(), known=known)
     (p,) = [
-        p for p in left.library().programmes() if p.label.startswith("load to 50 % and")
+        p for p in left.allowed().programmes() if p.label.startswith("load to 50 % and")
     ][:1]
     assert p.scored > 0
     softened, _ = left.stress(p)

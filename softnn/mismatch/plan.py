@@ -231,7 +231,7 @@ class Plan:
             key=lambda k: float(np.sum(off[branch == k] ** 2)),
         )
         k = int(np.where(branch == worst, off, -1.0).argmax())
-        axes, library = self.among.axes, self.among.library()
+        axes, library = self.among.axes, self.among.allowed()
         unit = axes.stress.unit
         return (
             f"{_on(BRANCHES[worst])}, at {library.level(float(self.strain[k]))} after "
@@ -306,7 +306,7 @@ class Alternatives:
             return f"without {listed([plain(n) for n in lacks])}"
         return "if nothing more" if mine else "if nothing is missing"
 
-    def library(self, limits: Limits | None = None) -> Library:
+    def allowed(self, limits: Limits | None = None) -> Library:
         """Return the programmes within these limits."""
         return Library(self.known, limits or Limits(), self.axes)
 
@@ -440,7 +440,7 @@ class Alternatives:
 
         Raises `InputError` if no programme fits into them.
         """
-        library = self.library(limits)
+        library = self.allowed(limits)
         unknown = len(self.sets) < 2 or not self.open
         if self.action in UNSEEN or (unknown and "record" in self.action):
             return Plan(self, library.covering(), None)
