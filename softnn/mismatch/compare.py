@@ -27,6 +27,7 @@ PRICE = 0.1  # of a logarithm: an effect must take a tenth off the error
 SPREAD = 0.1  # of a logarithm: usual deviation of a paired difference of two folds
 BELIEVED = 2  # folds that this usual deviation is worth
 FLOOR = 1e-3  # of the stress; smaller errors count as none
+HARM = 0.05  # of an error: a correction may be worse by so much by chance
 MOST = 3  # laws of a class; more say little
 
 Sets = Sequence[frozenset[str]]

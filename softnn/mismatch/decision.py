@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from softnn.effects import EFFECTS
 from softnn.fit import Fit
-from softnn.mismatch.compare import NAMED, SURE, Class
+from softnn.mismatch.compare import HARM, NAMED, SURE, Class
 from softnn.mismatch.floor import Floor
 from softnn.mismatch.posterior import Posterior, Tried
 from softnn.mismatch.verify import Heldout
@@ -21,7 +21,6 @@ NEAR = 0.05  # misfit over noise, a sample, up to which only noise is left
 HELPS = 1 / 3  # of the held-out misfit over the noise, that effects must remove
 FEWEST = 30  # samples in all; with fewer no effect is named
 TOLERANCE = 0.02  # error of prediction that is good enough, unless the user says
-HARM = 0.05  # of an error: a correction may be worse by so much by chance
 DROWNED = 0.5  # noise over stress, from which a recording shows nothing else
 
 

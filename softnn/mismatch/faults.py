@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from softnn.effects import EFFECTS
-from softnn.fit import Engine, Fit, Piece, fit
+from softnn.fit import Engine, Fit, Piece
 from softnn.mismatch.accounts import REFITTED
 from softnn.mismatch.candidates import refine, shown
 from softnn.mismatch.posterior import NAMED, Hypothesis, Posterior
@@ -68,18 +68,6 @@ def asked(probable: Posterior, fault: Fault, engine: Engine) -> Posterior:
         if any(p.effect.id == fault.effect for p in found.guess.pieces):
             return None
         return fault.chance, refine(engine, found, fault.piece, REFITTED)
-
-    return shared(probable, ask)
-
-
-def spared(probable: Posterior, fault: Fault, engine: Engine) -> Posterior:
-    """Return the posterior split likewise, where all candidates have the fault."""
-
-    def ask(found: Fit) -> tuple[float, Fit] | None:
-        rest = [p for p in found.guess.pieces if p.effect.id != fault.effect]
-        guess, fixed = replace(found.guess, pieces=tuple(rest)), found.fixed_base
-        less = fit(engine, guess, fixed_base=fixed, iterations=REFITTED)
-        return 1 - fault.chance, less
 
     return shared(probable, ask)
 

@@ -104,18 +104,22 @@ def mistaken(found: Fit) -> frozenset[str]:
     return frozenset(free if said else ())
 
 
+def likeliest(found: Fit, engine: Engine) -> tuple[float, Fit] | None:
+    """Return how likely the likeliest specimen is a mistake, and the fit with it so.
+
+    None if no labelled specimen can be one. The misfit stays: its scale was free.
+    """
+    if any(p.effect.scatter and not p.nuisance for p in found.guess.pieces):
+        return None
+    chance = told(found)
+    if not chance.sum() > 0:
+        return None
+    guess, fixed = wrong(found.guess, int(chance.argmax())), found.fixed_base
+    if not allowed(guess):
+        return None
+    return float(chance.max()), fit(engine, guess, fixed_base=fixed, iterations=0)
+
+
 def with_mistakes(probable: Posterior, engine: Engine) -> Posterior:
     """Return the posterior with each hypothesis split: no mistaken specimen, or one."""
-
-    def ask(found: Fit) -> tuple[float, Fit] | None:
-        if any(p.effect.scatter and not p.nuisance for p in found.guess.pieces):
-            return None
-        chance = told(found)
-        if not chance.sum() > 0:
-            return None
-        guess, fixed = wrong(found.guess, int(chance.argmax())), found.fixed_base
-        if not allowed(guess):
-            return None
-        return float(chance.sum()), fit(engine, guess, fixed_base=fixed, iterations=0)
-
-    return shared(probable, ask)
+    return shared(probable, lambda found: likeliest(found, engine))

@@ -32,7 +32,7 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.compare import FLOOR, Names, shares
+from softnn.mismatch.compare import FLOOR, HARM, Names, shares
 from softnn.mismatch.compare import names as names_of
 from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.verify import Heldout, without_rows
@@ -51,7 +51,6 @@ FINALISTS = 5  # candidates of each size that are refitted without each fold
 REFITTED = 3  # iterations of such a refit
 ENOUGH = 3  # specimens or recordings to leave out in turn; fewer count less
 SAME = 0.01  # of a logarithm; the least gain of a further effect in a correction
-HARM = 0.05  # of a logarithm, by which the base may be better by chance
 SKETCHED = 2  # effects in the first model for a comparison of replicates
 AGAIN = 0.3  # of the largest strain; a smaller rise is no reloading
 SINGLE = ("specimen", "recording", "stretch")  # folds in which each sample is once
