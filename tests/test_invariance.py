@@ -10,11 +10,13 @@ from made import STIFFNESS, UNITS
 
 from softnn import Recording, diagnose
 from softnn.contracts import Chunk
-from softnn.effects import EFFECTS
-from softnn.fit import Guess, Piece
+from softnn.effects import EFFECTS, effect
+from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.fit.point import with_stress
 from softnn.metrics import weights
-from softnn.mismatch.base import possible
+from softnn.mismatch.base import possible, weigh
+from softnn.mismatch.case import Case, sparse, thin
+from softnn.models.units import Units
 from softnn.noise import Noise
 from softnn.simulate import simulate
 
@@ -91,8 +93,6 @@ def test_every_effect_scales_with_stress(law):
 
 
 def _scales(time, strain):
-    from softnn.fit import Data
-
     return Data(("a",), (Chunk(time, strain),), (strain,)).scales()
 
 
@@ -131,7 +131,59 @@ def test_the_unit_of_stress_changes_no_answer(softened, by):
     )
 
 
+# --- samples of the search ------------------------------------------------------------
+
+
+def test_a_ramp_keeps_its_samples_beside_a_long_hold():
+    time = np.arange(len(RAMP), dtype=float)
+    case = Case("c", (Recording(time, RAMP, RAMP, name="a"),))
+    (kept,) = sparse(case, 100).recordings
+    assert len(kept) <= 110
+    assert (kept.time_s <= 10).sum() >= 10  # one sample in twenty would lose it
+    (even,) = thin(case, 100).recordings
+    assert (even.time_s <= 10).sum() < 4
+
+
+@pytest.mark.parametrize("most", [10, 40])
+def test_strain_stays_linear_between_samples_that_are_kept(most):
+    corners = [0, 3, 300, 301, 900, 950, 1400, 1400.5, 2000]
+    strain = [0, 1, 1, 0.2, 0.2, 0.7, 0.7, 0.1, 0.1]
+    time = np.arange(0, 2000, 0.5)
+    every = np.interp(time, corners, strain)
+    case = Case("c", (Recording(time, every, every, name="a"),))
+    (kept,) = sparse(case, most).recordings
+    assert len(kept) <= 2 * most + len(corners)
+    between = np.interp(time, kept.time_s, kept.strain)
+    assert np.abs(between - every).max() <= 0.01 * np.ptp(every) + 1e-12
+
+
+# --- sizes that a machine can have ----------------------------------------------------
+
+
+@pytest.mark.parametrize("by", [1.0, 1e3])
+def test_no_rig_swings_on_a_specimen_more_slowly_than_once_a_second(by):
+    """The period of a mass on a spring is 2 pi sqrt(m / k)."""
+    scales = replace(_scales(np.arange(50.0), 0.1 * RAMP[:50]), stress_MPa=by)
+    law = effect("inertia").within(scales)
+    mass = next(p for p in law.parameters if p.name == "mass")
+    period = 2 * np.pi * np.sqrt(mass.high * scales.strain / scales.stress_MPa)
+    assert period == pytest.approx(1.0)
+
+
 # --- noise ----------------------------------------------------------------------------
+
+
+def test_the_misfit_of_a_wrong_law_is_no_slow_noise():
+    """Fifty smooth samples a recording, and a line fitted to a curve."""
+    time = np.linspace(0, 50, 50)
+    chunks = tuple(Chunk(time, top * np.abs(np.sin(0.1 * time))) for top in (0.3, 0.5))
+    stress = tuple(c.strain**3 + 0.2 * c.strain for c in chunks)
+    made = Engine(Data(("a", "b"), chunks, stress))
+    line = fit(made, Guess(Units("hooke", (0.0, 1.0)), np.zeros(1)))
+    missed = np.sqrt(np.mean((made.target - line.stress) ** 2))
+    assert missed > 0.04 * np.ptp(made.target)
+    noise = weigh(made, line)
+    assert max(n.floor_MPa for n in noise) <= 0.02 * np.ptp(made.target) * (1 + 1e-9)
 
 
 def test_no_machine_has_a_noise_that_neighbouring_samples_do_not_show():

@@ -116,6 +116,32 @@ def test_what_is_on_no_list_is_corrected_by_a_reading_that_holds(searched, wrong
     assert (told.after.nrmse < 0.6 * told.before.nrmse) == (wrong == 1)
 
 
+def test_a_fault_of_single_recordings_is_not_taken_where_it_makes_others_worse(
+    searched,
+):
+    """Whatever the likelihood says: the error left out is three times that before."""
+    found, of = searched
+    soft, base = of[frozenset(["mullins_softening"])], found.accounts[0]
+    engine = found.base.engine
+
+    def heldout(account):
+        made = verify.heldout(engine, base.fit)
+        return replace(made, errors=made.errors * (9.0 if account is soft else 1.0))
+
+    readings = (Hypothesis(base), Hypothesis(soft))
+    told = decide(
+        Posterior(readings, np.array([0.02, 0.98]), np.zeros(2)),
+        base,
+        heldout,
+        Shows(few=False, only_loading=False),
+        lambda account: account.effects,  # as if it were a fault judged apart
+        lambda account: account.fit.chi2 / len(engine.target),
+    )
+    assert told.names == ()
+    assert told.account is base
+    assert told.after.nrmse == told.before.nrmse
+
+
 def test_what_predicts_no_better_than_the_base_corrects_nothing(tmp_path):
     found = search(start(read_case(write_case(tmp_path))))  # only noise
 

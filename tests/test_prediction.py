@@ -9,6 +9,7 @@ from made import STIFFNESS, UNITS, straight
 from scipy.stats import ttest_rel
 
 from softnn import Recording, diagnose
+from softnn.contracts import Chunk
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import faults, prediction
@@ -395,6 +396,29 @@ def test_a_fault_of_one_recording_is_named_whatever_predicts_others():
     told = decided([base], soft, apart=("zero_offset",))
     assert told.names == ("zero_offset",)
     assert told.account is soft
+
+
+def test_a_name_that_does_not_stay_is_not_given():
+    found = candidates(((), [0.2] * 4), (("slack",), [0.01] * 4))
+    told = decide_by_prediction(
+        posterior(found),
+        found[0],
+        found[1],
+        lambda one: one.heldout,
+        SHOWS,
+        unsteady=frozenset({"slack"}),
+    )
+    assert told.names == ()
+    assert told.account is found[1]  # it corrects all the same
+
+
+def test_a_ramp_of_few_samples_weighs_as_much_as_its_hold_in_a_fit():
+    time = np.arange(0, 200, 0.5)
+    chunk = Chunk(time, np.minimum(0.05 * time, 0.5))
+    made = prediction.alike(Engine(Data(("a",), (chunk,), (chunk.strain,))))
+    weight = made.sigma**-2
+    ramp = time <= 10
+    assert weight[ramp].sum() == pytest.approx(weight[~ramp].sum(), rel=0.15)
 
 
 def test_no_correction_is_worse_than_what_it_corrects():

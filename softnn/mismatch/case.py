@@ -433,24 +433,44 @@ def sparse(case: Case, most: int) -> Case:
     """Return the case with at most about `most` samples a recording, where they weigh.
 
     Samples are evenly spaced in the weight that they have in an error: a ramp keeps its
-    samples beside a hold of an hour. Turning points are kept.
+    samples beside a hold of an hour. Corners of the strain are kept, so that it is
+    linear between samples.
     """
     out, simulated = [], []
     for i, recording in enumerate(case.recordings):
         time, strain = recording.time_s, recording.strain
-        keep = np.arange(len(time))
+        keep: Any = np.arange(len(time))
         if len(time) > most:
             known = np.isfinite(strain)
             filled = np.interp(time, time[known], strain[known])
             total = np.cumsum(weights(time, filled))
             even = np.searchsorted(total, np.linspace(0, total[-1], most))
-            corners = turns(filled, BAND * float(np.ptp(filled)))
-            ends = [0, len(time) - 1]
-            keep = np.unique(np.concatenate([even.clip(0, ends[1]), corners, ends]))
+            last = len(time) - 1
+            band = BAND * float(np.ptp(filled))
+            these = np.unique([0, last, *even.clip(0, last), *turns(filled, band)])
+            keep = _cornered(time, filled, these, band)
         out.append(recording.take(keep))
         if case.simulated_MPa is not None:
             simulated.append(case.simulated_MPa[i][keep])
     return replace(case, recordings=tuple(out), simulated_MPa=tuple(simulated) or None)
+
+
+def _cornered(time: Array, strain: Array, keep: Array, band: float) -> Array:
+    """Return `keep`, and corners between: samples `band` off the line of those kept.
+
+    At most as many are added: strain with more noise than that has no corners.
+    """
+    most = 2 * len(keep)
+    while len(keep) < most:
+        off = np.abs(strain - np.interp(time, time[keep], strain[keep]))
+        far = np.flatnonzero(off > band)
+        if not len(far):
+            break
+        gap = np.searchsorted(keep, far)
+        far = far[np.lexsort((-off[far], gap))]
+        _, first = np.unique(np.sort(gap), return_index=True)  # the farthest of each
+        keep = np.unique(np.concatenate([keep, far[first]]))
+    return keep
 
 
 def _kept(strain: Array, time: Array, most: int) -> Array | None:
