@@ -59,6 +59,14 @@ def test_equal_steps_of_the_logarithm_of_time_weigh_alike_in_a_hold():
     assert decades[0] == pytest.approx(decades[1], rel=0.3)  # not ten times as much
 
 
+def test_a_few_samples_say_little_whatever_they_show():
+    """A ramp of two samples beside a hold of thousands: ten times the mean each."""
+    time = np.arange(2000.0)
+    own = weights(time, np.where(time > 0, 1.0, 0.0))
+    assert own.max() <= 10 * own.mean() * (1 + 1e-2)
+    assert own[:2].sum() < 0.02 * own.sum()
+
+
 def test_noise_of_a_strain_channel_is_no_motion():
     time = np.arange(len(RAMP), dtype=float)
     noisy = RAMP + 1e-3 * np.random.default_rng(0).standard_normal(len(RAMP))
@@ -177,7 +185,7 @@ def test_the_misfit_of_a_wrong_law_is_no_slow_noise():
     """Fifty smooth samples a recording, and a line fitted to a curve."""
     time = np.linspace(0, 50, 50)
     chunks = tuple(Chunk(time, top * np.abs(np.sin(0.1 * time))) for top in (0.3, 0.5))
-    stress = tuple(c.strain**3 + 0.2 * c.strain for c in chunks)
+    stress = tuple(8 * c.strain**3 for c in chunks)
     made = Engine(Data(("a", "b"), chunks, stress))
     line = fit(made, Guess(Units("hooke", (0.0, 1.0)), np.zeros(1)))
     missed = np.sqrt(np.mean((made.target - line.stress) ** 2))

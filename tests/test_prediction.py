@@ -12,7 +12,7 @@ from softnn import Recording, diagnose
 from softnn.contracts import Chunk
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
-from softnn.mismatch import faults, prediction
+from softnn.mismatch import faults, judgement, prediction
 from softnn.mismatch.base import Baseline
 from softnn.mismatch.compare import SURE, shares
 from softnn.mismatch.decision import Facts, Shows, decide_by_prediction, verdict
@@ -252,6 +252,18 @@ def test_the_base_stays_where_a_correction_is_worse_on_one_kind_of_recordings():
     assert best(found[:2]) is base
 
 
+def test_the_corrected_model_has_what_is_sure():
+    found = candidates(
+        ((), [0.2] * 4),
+        (("slack",), [0.02] * 4),
+        (("mullins_softening",), [0.021] * 4),
+    )
+    assert best(found).effects == {"slack"}
+    assert best(found, frozenset({"mullins_softening"})).effects == {
+        "mullins_softening"
+    }
+
+
 def test_what_is_better_by_chance_alone_corrects_nothing():
     found = candidates(((), [0.05] * 4), (("slack",), [0.0495] * 4))
     assert best(found) is found[0]
@@ -478,7 +490,13 @@ def bent_strips(soft, tops=(0.5, 0.6, 0.7, 0.8), gaps=(0, 0, 0, 0), limit=np.inf
     return out
 
 
-def test_softening_of_a_material_that_no_law_describes_is_named_by_prediction():
+def test_softening_of_a_material_that_no_law_describes_is_named_by_prediction(
+    monkeypatch,
+):
+    def thrown_away(*_):
+        raise AssertionError("a search by likelihood, which cannot decide here")
+
+    monkeypatch.setattr(judgement, "search", thrown_away)
     found = diagnose(bent_strips(0.4), "hooke")
     assert found.result["judged_by"] == "prediction"
     assert "mullins_softening" in found.selected
