@@ -17,7 +17,6 @@ from softnn.state import turns
 BAND = 0.01  # of the range of strain; a smaller reversal is noise, not motion
 STRETCH = 0.005  # of the path of strain, over which its speed is taken
 HELD = 0.01  # of the usual speed; slower strain counts as held
-LARGEST = 10.0  # times the mean: a few samples say little, whatever they show
 DECADES = 2.0  # of the time of a hold that its weight is spread over
 
 
@@ -62,8 +61,6 @@ def weights(time_s: ArrayLike, strain: ArrayLike) -> Array:
         share = step[still].sum() / step.sum()
         by = (by + share * held / held.sum()) / (1 + share)
     each = np.concatenate([by, [0.0]]) + np.concatenate([[0.0], by])
-    each *= len(x) / each.sum()
-    each = np.minimum(each, LARGEST)
     return np.asarray(each * len(x) / each.sum())
 
 

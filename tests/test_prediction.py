@@ -13,9 +13,11 @@ from softnn.contracts import Chunk
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.mismatch import faults, judgement, prediction
-from softnn.mismatch.base import Baseline
+from softnn.mismatch.base import Baseline, start
+from softnn.mismatch.case import case_of
 from softnn.mismatch.compare import SURE, shares
 from softnn.mismatch.decision import Facts, Shows, decide_by_prediction, verdict
+from softnn.mismatch.judgement import judge
 from softnn.mismatch.prediction import Candidate, Fold, Folds, Judge, best, harms
 from softnn.mismatch.screen import only
 from softnn.model_file import from_dict, to_dict
@@ -490,13 +492,21 @@ def bent_strips(soft, tops=(0.5, 0.6, 0.7, 0.8), gaps=(0, 0, 0, 0), limit=np.inf
     return out
 
 
-def test_softening_of_a_material_that_no_law_describes_is_named_by_prediction(
-    monkeypatch,
-):
+def test_a_search_that_cannot_decide_is_not_made(monkeypatch):
+    """A spring that no law here has, and hardly any noise."""
+
     def thrown_away(*_):
-        raise AssertionError("a search by likelihood, which cannot decide here")
+        raise AssertionError("a search by likelihood")
 
     monkeypatch.setattr(judgement, "search", thrown_away)
+    chunk = straight(CYCLES, 0.1, 0.05)
+    spring = chunk.strain * (1 + 0.3 * np.sin(12 * chunk.strain))
+    noise = 1e-4 * np.random.default_rng(0).standard_normal((3, len(spring)))
+    strips = [Recording(chunk.time_s, chunk.strain, spring + n) for n in noise]
+    assert judge(start(case_of(strips, "c"), "hooke")).judged_by == "prediction"
+
+
+def test_softening_of_a_material_that_no_law_describes_is_named_by_prediction():
     found = diagnose(bent_strips(0.4), "hooke")
     assert found.result["judged_by"] == "prediction"
     assert "mullins_softening" in found.selected
