@@ -16,21 +16,18 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Mapping, Sequence
-from concurrent.futures import as_completed
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from bench.hands import again, drawing, forging
 from bench.hands.families import SIDES
 from bench.recordings.groups import Group, alike, amplitude, discover, holds, rate
-from bench.reporting import share
+from bench.reporting import carried_out, share
 from bench.scoring import Rate
 from softnn.contracts import Array, InputError
-from softnn.database import Store
 from softnn.effects import effect
 from softnn.mismatch.case import Case, read_case
 from softnn.mismatch.compare import LIKELY, SURE
@@ -40,16 +37,13 @@ from softnn.mismatch.programmes import Programme, corners
 from softnn.readers.tidy import data_folder
 from softnn.recording import Recording, data_hash
 from softnn.study.common import (
-    code_of,
     guarded,
     markdown,
-    package_files,
     parser,
     results_folder,
     runs_folder,
     write_result,
 )
-from softnn.workers import workers
 
 CLASSES = {"bent": 6, "pair": 3, "single": 3}  # cases of each, in the usual run
 ARMS = ("asked", "random", "repeat", "telltale")
@@ -309,22 +303,8 @@ def run(a: Any) -> None:
     if not tasks:
         raise InputError("no cases; ask for some of --bents, --pairs or --singles")
     file = runs_folder(a.smoke) / "loop.sqlite"
-    with (
-        Store(file, code_of(package_files()), fresh=a.smoke or a.fresh) as store,
-        workers(1 if a.smoke else a.jobs) as pool,
-    ):
-        known = store.rows()
-        futures = {
-            pool.submit(*task): name
-            for name, task in tasks.items()
-            if name not in known and not a.finished
-        }
-        for future in tqdm(as_completed(futures), total=len(futures), unit="case"):
-            store.add(futures[future], future.result())
-        rows = [row | {"case": name} for name, row in store.rows().items()]
-        rows = [row for row in rows if row["case"] in tasks]
-    if not rows:
-        raise InputError("none of these cases is finished; leave --finished away")
+    every = carried_out(file, tasks, a)
+    rows = [row | {"case": name} for name, row in every.items()]
     result = told(rows)
     table = [
         [arm, *(share(found[k]) for k in ("settled", "right", "wrong"))]

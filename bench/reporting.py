@@ -2,12 +2,47 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Mapping, Sequence
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
+from tqdm import tqdm
+
+from softnn.contracts import InputError
+from softnn.database import Store
 from softnn.study import common
+from softnn.study.common import code_of, package_files
+from softnn.workers import workers
+
+
+def carried_out(
+    file: Path, tasks: Mapping[str, Sequence[Any]], a: argparse.Namespace
+) -> dict[str, dict[str, Any]]:
+    """Rows of all tasks that are finished, by name; those at hand are not made again.
+
+    `tasks` has a function and its arguments by name.
+    `a` are the options of a study: smoke, fresh, jobs, finished. Raises `InputError`
+    where none is finished.
+    """
+    with (
+        Store(file, code_of(package_files()), fresh=a.smoke or a.fresh) as store,
+        workers(1 if a.smoke else a.jobs) as pool,
+    ):
+        known = store.rows()
+        futures = {
+            pool.submit(*task): name
+            for name, task in tasks.items()
+            if name not in known and not a.finished
+        }
+        for future in tqdm(as_completed(futures), total=len(futures), unit="case"):
+            store.add(futures[future], future.result())
+        rows = {name: row for name, row in store.rows().items() if name in tasks}
+    if not rows:
+        raise InputError("none of these cases is finished; leave --finished away")
+    return rows
 
 
 def cell(entry: Mapping[str, Any] | None) -> str | None:

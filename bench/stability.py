@@ -12,35 +12,29 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from bench.recordings.groups import discover
-from bench.reporting import share
+from bench.reporting import carried_out, share
 from bench.scoring import Rate
 from softnn.contracts import InputError
-from softnn.database import Store
 from softnn.mismatch.case import Case, LARGEST_STRESS_MPa, read_case
 from softnn.mismatch.diagnosis import diagnose
 from softnn.readers.tidy import data_folder
 from softnn.recording import Recording, data_hash
 from softnn.study.common import (
-    code_of,
     guarded,
     markdown,
-    package_files,
     parser,
     results_folder,
     runs_folder,
     write_result,
 )
-from softnn.workers import workers
 
 HALF, SEED, AS_IT_IS = "half the noise", "another seed", "as it is"
 Change = Callable[[Case, np.random.Generator], Case]
@@ -198,21 +192,8 @@ def run(a: Any) -> None:
     if not tasks:
         raise InputError("no cases; give a FOLDER with cases/ and truth/, or --real")
     file = runs_folder(a.smoke) / "stability.sqlite"
-    with (
-        Store(file, code_of(package_files()), fresh=a.smoke or a.fresh) as store,
-        workers(1 if a.smoke else a.jobs) as pool,
-    ):
-        known = store.rows()
-        futures = {
-            pool.submit(trial, *task): name
-            for name, task in tasks.items()
-            if name not in known and not a.finished
-        }
-        for future in tqdm(as_completed(futures), total=len(futures), unit="case"):
-            store.add(futures[future], future.result())
-        rows = [row for name, row in store.rows().items() if name in tasks]
-    if not rows:
-        raise InputError("none of these cases is finished; leave --finished away")
+    every = carried_out(file, {k: (trial, *t) for k, t in tasks.items()}, a)
+    rows = list(every.values())
     result = told(rows)
     print(markdown(["change", "cases"], [[k, share(v)] for k, v in result.items()]))
     write_result(

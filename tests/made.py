@@ -10,6 +10,18 @@ from softnn.simulate import Term, simulate
 
 UNITS = Units("pl-wiechert", (0.0, 0.3, 1.0), (0.4, 8.0))
 STIFFNESS = np.array([1.0, 0.6, 0.5, 0.4])
+# Moduli of hyperelastic laws as Abaqus counts them, MPa.
+MODULI = {
+    "neo-hooke": (0.3,),
+    "mooney-rivlin": (0.2, 0.05),
+    "yeoh": (0.3, -0.02, 0.004),
+    "ogden1": (0.6, 2.6),
+    "ogden2": (0.5, 1.4, 0.1, -2.5),
+    "ogden3": (0.5, 1.4, 0.1, -2.5, 0.01, 6.0),
+    "arruda-boyce": (0.4, 2.5),
+    "gent": (0.4, 12.0),
+    "hyperfoam": (0.1, 8.0, 0.1, 0.02, -2.0, 0.3),
+}
 
 
 def straight(levels, rates, interval):

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from made import MODULI
 
 from softnn.cards.given import series_for
 from softnn.cards.read import read_card, with_unit
@@ -228,21 +229,11 @@ def test_a_unit_is_said_told_by_recordings_or_asked_for(tmp_path):
 
 # -- what is written -------------------------------------------------------------------
 
-MODULI = {
-    "neo-hooke": (0.3,),
-    "mooney-rivlin": (0.2, 0.05),
-    "yeoh": (0.3, -0.02, 0.004),
-    "ogden1": (0.6, 2.6),
-    "ogden2": (0.5, 1.4, 0.1, -2.5),
-    "ogden3": (0.5, 1.4, 0.1, -2.5, 0.01, 6.0),
-    "arruda-boyce": (0.4, 2.5),
-    "gent": (0.4, 12.0),
-    "hyperfoam": (0.1, 8.0, 0.1, 0.02, -2.0, 0.1),
-}
+WRITTEN = MODULI | {"hyperfoam": (0.1, 8.0, 0.1, 0.02, -2.0, 0.1)}
 
 
 def model_of(law, poisson=0.5):
-    unit = LAWS[law].unit(MODULI[law])
+    unit = LAWS[law].unit(WRITTEN[law])
     base = Hyper(
         f"{law}-prony", law, unit, (-0.3, 1.0), (0.5, 20.0), "uniaxial", poisson
     )

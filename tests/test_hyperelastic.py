@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from export_made import Compiled
+from made import MODULI
 
 from softnn.contracts import Chunk, InputError
 from softnn.fit import Data, Engine, Guess, fit
@@ -20,17 +21,6 @@ from softnn.recording import Recording
 from softnn.simulate import simulate
 
 STRAIN = np.array([-0.4, -0.1, 0.05, 0.3, 0.8])
-MODULI = {
-    "neo-hooke": (0.3,),
-    "mooney-rivlin": (0.2, 0.05),
-    "yeoh": (0.3, -0.02, 0.004),
-    "ogden1": (0.6, 2.6),
-    "ogden2": (0.5, 1.4, 0.1, -2.5),
-    "ogden3": (0.5, 1.4, 0.1, -2.5, 0.01, 6.0),
-    "arruda-boyce": (0.4, 2.5),
-    "gent": (0.4, 12.0),
-    "hyperfoam": (0.1, 8.0, 0.1, 0.02, -2.0, 0.3),
-}
 
 
 def energy(law, m, a, b, c):
