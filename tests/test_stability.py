@@ -13,6 +13,7 @@ from made import write_case
 from bench import stability
 from softnn.database import Store
 from softnn.mismatch.case import read_case
+from softnn.study.common import code_of, package_files
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +107,7 @@ def test_what_is_finished_is_told_alone(tmp_path, monkeypatch):
     asked = [str(tmp_path / "mine"), "--finished"]
     assert stability.main(asked) == 2  # nothing is
     row = named(["slack"], ["slack"]) | {"of": "mine", "data": "ab"}
-    code = stability.code_of(stability.package_files())
+    code = code_of(package_files())
     with Store(tmp_path / "stability.sqlite", code) as store:
         store.add(str((tmp_path / "mine" / "cases" / "b").resolve()), row)
     assert stability.main(asked) == 0
