@@ -369,7 +369,7 @@ def test_a_network_is_trained_shown_and_taken_away(page, data_folder, tmp_path, 
     page.wait_for_url("**/project/*/network")
     page.get_by_label("Folds").select_option("3")
     page.get_by_role("button", name="Train").click()
-    page.get_by_role("heading", name="Fold by fold").wait_for(timeout=180_000)
+    page.get_by_role("heading", name="Fold by fold").wait_for(timeout=600_000)
     told = json.loads(
         next(folder_of(out, page).glob("network/joint*.json")).read_text()
     )

@@ -9,13 +9,15 @@ from hypothesis import strategies as st
 from made import STIFFNESS, UNITS
 
 from softnn import Recording, diagnose
-from softnn.contracts import Chunk
+from softnn.axes import SPECIMEN
+from softnn.contracts import Chunk, InputError
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.fit.point import with_stress
 from softnn.metrics import weights
 from softnn.mismatch.base import possible, weigh
 from softnn.mismatch.case import Case, sparse, thin
+from softnn.model_file import from_dict, in_units, to_dict
 from softnn.models.units import Units
 from softnn.noise import Noise
 from softnn.simulate import simulate
@@ -90,6 +92,32 @@ def test_every_effect_scales_with_stress(law):
             simulate(UNITS, g.stiffness, g.terms(), [chunk])[0] for g in (guess, back)
         )
         np.testing.assert_allclose(b, one * a, rtol=1e-6, atol=1e-9 * one)
+
+
+@pytest.mark.parametrize("one", [1e-4, 200.0])
+@pytest.mark.parametrize("end", ["low", "high"])
+def test_a_stress_at_the_end_of_its_range_in_the_fit_is_read_in_mpa(one, end):
+    """A drift of the whole stress in a second is no fault of the file."""
+    axes = SPECIMEN.counted(1.0, one)
+    for law in EFFECTS:
+        for form in law.forms:
+            ends = {p.name: getattr(p, end) for p in form.parameters if p.per_stress}
+            values = form.defaults() | ends
+            own = {k: np.atleast_1d(values[k]) for k in form.per_recording}
+            guess = Guess(UNITS, STIFFNESS, (Piece(form, values | own, ()),))
+            made, back = in_units(guess, axes)
+            told = to_dict(made, ["a"], "fresh", False, axes=back)
+            (read,) = from_dict(told).pieces
+            for name in ends.keys() - own.keys():
+                power = next(p for p in form.parameters if p.name == name).per_stress
+                assert read.values[name] == pytest.approx(ends[name] * one**-power)
+
+
+@pytest.mark.parametrize("wrong", [-1.0, np.inf, np.nan])
+def test_a_stress_in_mpa_keeps_its_sign(wrong):
+    law = effect("friction_hysteresis")
+    with pytest.raises(InputError, match="friction_MPa is"):
+        law.prepare(law.defaults() | {"friction_MPa": wrong})
 
 
 def _scales(time, strain):

@@ -162,6 +162,7 @@ def searched(
             )
         name = sweep.register(kept, ["best-random"], f"{said[0]} {trained_on}")
         sweep.register(for_unseen, ["best-unseen-rate"], f"{said[1]} {trained_on}")
+        found["registered"] = name
         from_store = sweep.from_store()
     parts = [about_counts] if compare else []
     told = [*said, *[trained_on] * bool(every)]

@@ -14,9 +14,9 @@ from softnn.app.runs import Runs
 from softnn.report.phrases import percent
 
 NEURONS = {
-    "2,4,8": "2, 4 and 8: half a minute",
-    "1:10": "1 to 10: a minute",
-    "1:20": "1 to 20, as published: some minutes",
+    "2,4,8": "2, 4 and 8: two minutes",
+    "1:10": "1 to 10: some minutes",
+    "1:20": "1 to 20, as published: several minutes",
 }
 FOLDS = {"3": "3", "5": "5", "10": "10, as published"}
 SPLITS = {  # of what a fold leaves out

@@ -41,7 +41,7 @@ from softnn.readers.vocabulary import DIMENSION
 from softnn.recording import Recording
 
 TOLD_S = 0.3  # between two words of a run
-NETWORK = {"neurons": "2,4,8", "folds": "5", "cycles": False}  # small: half a minute
+NETWORK = {"neurons": "2,4,8", "folds": "5", "cycles": False}  # small: two minutes
 KEPT = {"network.json": "best-random", "unseen.json": "best-unseen-rate"}
 UNITS = {role: known(d).split(", ") for role, d in DIMENSION.items()}
 
@@ -268,9 +268,9 @@ def network(project: Project) -> None:
         _watched(project, command, began)
         found = trained(place)
         assert found is not None
-        material = found["materials"][0]["material"]
+        registered = found["materials"][0]["registered"]
         for file, alias in KEPT.items():
-            name = f"models:/{source.name}-{material}@{alias}"
+            name = f"models:/{registered}@{alias}"
             shutil.copy(fetched(name, where), place / file)
 
     _replaced(project, "network", save)
