@@ -266,6 +266,34 @@ def test_the_corrected_model_has_what_is_sure():
     }
 
 
+def test_of_models_that_predict_alike_the_one_that_others_agree_with_is_taken():
+    """The best is a stranger at other rates, by no more than chance ahead."""
+    found = candidates(
+        ((), [0.2] * 4),
+        (("sensor_lag",), [0.0200] * 4),
+        (("mullins_softening",), [0.0202] * 4),
+        (("permanent_set",), [0.0204] * 4),
+        (("finite_strain",), [0.1] * 4),  # far behind
+    )
+    laws = {"sensor_lag": {"time_constant_s": 1.0}, "finite_strain": {"amount": 3.0}}
+    for one in found[1:]:
+        (law,) = (effect(n) for n in one.effects)
+        values = {**law.defaults(), **law.off, **laws.get(law.id, {})}
+        one.fit.guess = Guess(UNITS, STIFFNESS, (Piece(law, values, ()),))
+    made = engine()
+    assert best(found).effects == {"sensor_lag"}
+    assert best(found, engine=made).effects == {"mullins_softening"}
+    sure = frozenset({"sensor_lag"})
+    assert best(found, sure, made).effects == sure
+
+
+def test_a_fold_in_which_a_law_fails_wholly_makes_the_others_no_less_certain():
+    alike, fails = [0.01, 0.0102, 0.0099, 0.0101, 0.01], [0.01] * 4 + [0.1]
+    told = shares(np.array([alike, fails]), np.zeros(2))
+    scattered = shares(np.array([alike, [0.03, 0.01, 0.0033, 0.02, 0.1]]), np.zeros(2))
+    assert told[0] > SURE > scattered[0]
+
+
 def test_what_is_better_by_chance_alone_corrects_nothing():
     found = candidates(((), [0.05] * 4), (("slack",), [0.0495] * 4))
     assert best(found) is found[0]

@@ -25,6 +25,8 @@ NAMED, SURE = 0.5, 0.9  # probabilities to name an effect, and to be certain of 
 LIKELY = 0.1  # of the probability of the best set, from which a set is an alternative
 PRICE = 0.1  # of a logarithm: an effect must take a tenth off the error
 SPREAD = 0.1  # of a logarithm: usual deviation of a paired difference of two folds
+CLEAR = 2  # usual deviations, beyond which a fold says no more about the scatter
+MAD = 1.4826  # of a normal distribution: standard over median absolute deviation
 BELIEVED = 2  # folds that this usual deviation is worth
 FLOOR = 1e-3  # of the stress; smaller errors count as none
 HARM = 0.05  # of an error: a correction may be worse by so much by chance
@@ -38,15 +40,19 @@ def shares(errors: Array, sizes: Array) -> Array:
 
     `errors` (..., sets, folds) are NRMSE, `sizes` (sets,) numbers of effects. The mean
     difference of log errors to the best set, plus `PRICE` for each effect, has a
-    standard error; its variance is drawn towards `SPREAD`, since folds are few.
+    standard error; its variance is drawn towards `SPREAD`, since folds are few. A fold
+    more than `CLEAR` usual deviations from the median counts as so many there: that a
+    law fails wholly in one fold says nothing of how the others scatter.
     """
     log = np.log(errors + FLOOR)
     score = log.mean(axis=-1) + PRICE * sizes
     best, folds = score.argmin(axis=-1)[..., None], log.shape[-1]
     behind = log - np.take_along_axis(log, best[..., None], axis=-2)
-    apart = (behind.var(axis=-1) * folds + BELIEVED * SPREAD**2) / (
-        folds + BELIEVED - 1
-    )
+    usual = np.median(behind, axis=-1, keepdims=True)
+    off = MAD * np.median(np.abs(behind - usual), axis=-1, keepdims=True)
+    most = CLEAR * np.maximum(off, SPREAD)
+    scatter = np.clip(behind, usual - most, usual + most).var(axis=-1)
+    apart = (scatter * folds + BELIEVED * SPREAD**2) / (folds + BELIEVED - 1)
     lost = score - np.take_along_axis(score, best, axis=-1)
     weight = student.sf(lost / np.sqrt(apart / folds), folds)
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))

@@ -225,7 +225,7 @@ def by_prediction(base: Baseline, tolerance: float = TOLERANCE) -> Judgement:
     probable, names = prediction.posterior(found, apart, enough)
     steady = {n for n, p in names.least.items() if p >= NAMED}
     sure = frozenset(n for n in steady if names.probability[n] >= SURE)
-    best = prediction.best(found, sure)
+    best = prediction.best(found, sure, base.coarse)
     likely = frozenset(n for n, p in apart.items() if p >= NAMED)
     if "gain_error" in likely - best.given and (wrong := likeliest(best.fit, engine)):
         best = replace(best, fit=wrong[1])

@@ -32,7 +32,7 @@ from softnn.mismatch.candidates import (
     names,
     refine,
 )
-from softnn.mismatch.compare import FLOOR, HARM, Names, shares
+from softnn.mismatch.compare import FLOOR, HARM, LIKELY, Names, shares
 from softnn.mismatch.compare import names as names_of
 from softnn.mismatch.posterior import Hypothesis, Posterior
 from softnn.mismatch.verify import Heldout, without_rows
@@ -55,6 +55,10 @@ SKETCHED = 2  # effects in the first model for a comparison of replicates
 AGAIN = 0.3  # of the largest strain; a smaller rise is no reloading
 SINGLE = ("specimen", "recording", "stretch")  # folds in which each sample is once
 RESCALED = 4  # steps to the scale of a new specimen
+SLOWER, LARGER = 5.0, 1.5  # rates and strains beyond the recordings
+NEAR = 0.5  # of the largest share, from which a candidate predicts about as well
+CRUSHED = -0.9  # largest compression that is asked for
+FAR = 1.0  # of the stress: models that lie farther apart are strangers to each other
 MOVING, HELD = 0.3, 0.05  # of the usual speed: moving above, held below
 
 
@@ -151,17 +155,69 @@ def harms(one: Candidate, base: Candidate) -> str | None:
     return None
 
 
-def best(found: Sequence[Candidate], sure: frozenset[str] = frozenset()) -> Candidate:
+def best(
+    found: Sequence[Candidate],
+    sure: frozenset[str] = frozenset(),
+    engine: Engine | None = None,
+) -> Candidate:
     """Return the candidate that predicts best and nowhere worse than the base.
 
     `found[0]` is the base; it is returned if no candidate beats it beyond chance.
-    Candidates with all effects that are `sure` come first.
+    Candidates with all effects that are `sure` come first. Of those that predict the
+    recordings about as well, the most `central` one beyond those of `engine` is taken.
     """
     base = found[0]
     safe = [c for c in found if harms(c, base) is None]
     safe = [c for c in safe if sure <= c.effects] or safe
     one = min(safe, key=lambda c: c.score + SAME * len(c.effects))
-    return one if base.score - one.score > HARM else base
+    if base.score - one.score <= HARM:
+        return base
+    return (
+        one if engine is None else central(one, [c for c in safe if c.effects], engine)
+    )
+
+
+def central(one: Candidate, every: Sequence[Candidate], engine: Engine) -> Candidate:
+    """Return the candidate that other likely ones agree with on other programmes.
+
+    Candidates predict the recordings alike, `one` best, but may lie far apart at other
+    rates and strains. Errors tell none of these apart. So the one is taken to which the
+    distance from the others, weighed by their shares, is smallest. It has half of the
+    share of the best, or more.
+    """
+    share = shares(
+        np.array([c.nrmse for c in every]), np.array([len(c.effects) for c in every])
+    )
+    likely = share >= LIKELY * share.max()
+    near = [every[i] for i in range(len(every)) if likely[i]]
+    if len(near) < 2 or all(c is not one for c in near):
+        return one
+    apart = np.zeros((len(near), len(near)))
+    for other in elsewhere(engine):
+        stress = np.array([other.run(c.fit.guess, False)[0] for c in near])
+        size = np.sqrt(other.share @ np.median(stress, axis=0) ** 2)
+        miss = stress[:, None] - stress
+        far = np.sqrt(miss**2 @ other.share) / max(float(size), 1e-300)
+        apart += np.nan_to_num(np.minimum(far, FAR), nan=FAR)
+    far = np.where(share[likely] >= NEAR * share.max(), apart @ share[likely], np.inf)
+    return near[int(far.argmin())]
+
+
+def elsewhere(engine: Engine) -> list[Engine]:
+    """Return engines with the same recordings at other rates and at larger strain."""
+    data = engine.data
+
+    def run(chunk: Chunk, slower: float, larger: float) -> Chunk:
+        time = chunk.time_s[0] + slower * (chunk.time_s - chunk.time_s[0])
+        return replace(chunk, time_s=time, strain=larger * chunk.strain)
+
+    lowest = min(float(c.strain.min()) for c in data.chunks)
+    most = min(LARGER, CRUSHED / lowest) if lowest < 0 else LARGER
+    ways = [(SLOWER, 1.0), (1 / SLOWER, 1.0), (1.0, max(most, 1.0))]
+    return [
+        Engine(replace(data, chunks=tuple(run(c, *way) for c in data.chunks)))
+        for way in ways
+    ]
 
 
 # --- folds ----------------------------------------------------------------------------
