@@ -67,8 +67,13 @@ def test_finalists_are_judged_by_what_nothing_else_has_seen(use, split):
         return {split: {"nrmse": [0.1 * len(asked), 0.2]}}
 
     trainer = SimpleNamespace(settings=Settings(seed=5), judge_parts=judge_parts)
+    done = SimpleNamespace(
+        trainer=trainer,
+        unseen="rate",
+        apart=lambda work, *a: SimpleNamespace(result=lambda: work(trainer, *a)),
+    )
     tried = [trial(k, [0.1], [0.2], neurons=k + 1) for k in range(2)]
-    found = once_more(trainer, "rate")(tried, use)
+    found = once_more(done)(tried, use)
     np.testing.assert_allclose(found, [[0.1, 0.2], [0.2, 0.2]])
     for one, (chosen, parts) in zip(tried, asked, strict=True):
         assert parts == {split: slice(None)}  # every fold

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -42,7 +41,6 @@ from bench.architectures.verdict import basis, sentences
 from bench.architectures.verdict import table as verdict_table
 from softnn import json_file
 from softnn.contracts import InputError
-from softnn.crossval import Folds
 from softnn.metrics import nrmse
 from softnn.neural import StoredNetwork
 from softnn.recording import Recording
@@ -96,14 +94,16 @@ def searched(
         )
         if places.worker:
             return None
-        best = choices(tried, once_more(trainer, judge.unseen), finalists, compare)
+        beside = Beside.begun(judge, seeds[1])
+        best = choices(tried, once_more(judge), finalists, compare)
         anew = {
             use: sweep.run(
                 judge.whole, **{**one.trial.parameters, "folds_seed": seeds[1]}
             )
             for use, one in best.items()
         }
-        rest = Beside.of(data, trainer, judge.unseen, seeds[1], sweep.say)
+        sweep.say("models beside the networks")
+        rest = beside()
         networks = [
             network_row(use, one, anew[use], trainer, rest) for use, one in best.items()
         ]
@@ -178,44 +178,48 @@ def searched(
 
 @dataclass(frozen=True)
 class Beside:
-    """What networks of the search are held against, judged on the same folds."""
+    """What networks of the search are held against, judged on the same folds.
+
+    `splits` are the names of the folds: random, specimen if possible, unseen.
+    """
 
     data: Data
-    splits: dict[str, Folds]
+    splits: tuple[str, ...]
     baselines: list[dict[str, Any]]
     convex: dict[str, Any] | None
 
     @classmethod
-    def of(
-        cls,
-        data: Data,
-        trainer: Trainer,
-        unseen: str,
-        seed: int,
-        say: Callable[[str], None],
-    ) -> Beside:
-        """By random folds drawn with `seed`, by specimen if possible, by what is
-        unseen."""
-        splits = {"random": trainer.folds("random", "FFRD4", seed)}
+    def begun(cls, judge: Judge, seed: int) -> Callable[[], Beside]:
+        """Judge them split by split, on folds drawn with `seed`; what waits for it."""
+        trainer = judge.trainer
+        kinds = {"random": "random", "specimen": "specimen", "unseen": judge.unseen}
         # Recordings that name no specimen may all be of one.
-        if all(r.specimen for r in data.tensile):
-            with contextlib.suppress(InputError):  # one specimen only
-                splits["specimen"] = trainer.folds("specimen", "FFRD4", seed)
-        splits["unseen"] = trainer.folds(unseen, "FFRD4", seed)
-        known = trainer.samples("FFRD4")
-        say("piecewise models and trees")
-        others = baselines(data, known, splits, trainer.settings.seed)
-        say(holding.NAME)
-        row: dict[str, Any] = {"model": holding.NAME, "r2": {}}
+        if not all(r.specimen for r in trainer.data.tensile):
+            del kinds["specimen"]
         try:
-            for name, folds in splits.items():
-                scores, weights = holding.errors(data, known, folds)
-                row[name], row["r2"][name] = scores["nrmse"], scores["r2"]
-            row["weights"] = dict(zip(folds.names, weights, strict=True))
-        except InputError as reason:
-            print(f"{holding.NAME}: {reason}")
-            return cls(data, splits, others, None)
-        return cls(data, splits, others, row)
+            trainer.folds("specimen", "FFRD4", seed)
+        except InputError:  # one specimen only
+            kinds.pop("specimen", None)
+        begun = [judge.apart(held_against, *kind, seed) for kind in kinds.items()]
+
+        def ended() -> Beside:
+            every = [one.result() for one in begun]
+            rows: dict[str, Any] = {}
+            for others, _ in every:
+                for other in others:
+                    row = rows.setdefault(other["model"], {"r2": {}})
+                    row |= other | {"r2": row["r2"] | other["r2"]}
+            convex: dict[str, Any] | None = {"r2": {}}
+            for _, one in every:
+                if isinstance(one, str):
+                    print(f"{holding.NAME}: {one}")
+                    convex = None
+                    break
+                assert convex is not None
+                convex |= one | {"r2": convex["r2"] | one["r2"]}
+            return cls(trainer.data, tuple(kinds), list(rows.values()), convex)
+
+        return ended
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -233,6 +237,27 @@ class Beside:
                 every = holding.members(tensile, holds, self.data.cycles)
                 return holding.stored(every[f"{model}, {way}"], tensile)
         return holding.held(tensile, holds, self.data.cycles).stored(tensile)
+
+
+def held_against(
+    trainer: Trainer, name: str, split: str, seed: int
+) -> tuple[list[dict[str, Any]], dict[str, Any] | str]:
+    """Rows of the baselines, and that of the convex network or why there is none.
+
+    Errors by fold of this split are under `name`, R2 under "r2" by the same name.
+    """
+    known, folds = trainer.samples("FFRD4"), trainer.folds(split, "FFRD4", seed)
+    others = baselines(trainer.data, known, {name: folds}, trainer.settings.seed)
+    try:
+        scores, weights = holding.errors(trainer.data, known, folds)
+    except InputError as reason:
+        return others, str(reason)
+    return others, {
+        "model": holding.NAME,
+        name: scores["nrmse"],
+        "r2": {name: scores["r2"]},
+        "weights": dict(zip(folds.names, weights, strict=True)),
+    }
 
 
 def network_row(
@@ -281,21 +306,24 @@ def whole_errors(
     return [nrmse(s, r.stress_MPa) for s, r in zip(stress, recordings, strict=True)]
 
 
-def once_more(trainer: Trainer, unseen: str) -> Again:
+def once_more(judge: Judge) -> Again:
     """Judges trials with folds and starting weights that nothing else has seen."""
-    seed = trainer.settings.seed + 2  # the one before is for what is chosen
+    seed = judge.trainer.settings.seed + 2  # the one before is for what is chosen
 
     def again(trials: Sequence[Finished], use: str) -> list[np.ndarray]:
-        split = unseen if use == "unseen" else use
-        every = tqdm(trials, f"once more, {use}", unit="trial", leave=False)
-        asked = (t.result["configuration"] | {"folds_seed": seed} for t in every)
-        parts = {split: slice(None)}
-        return [
-            np.array(trainer.judge_parts(chosen, parts)[split]["nrmse"])
-            for chosen in asked
-        ]
+        split = judge.unseen if use == "unseen" else use
+        asked = [t.result["configuration"] | {"folds_seed": seed} for t in trials]
+        begun = [judge.apart(errors_of, chosen, split) for chosen in asked]
+        every = tqdm(begun, f"once more, {use}", unit="trial", leave=False)
+        return [np.array(one.result()) for one in every]
 
     return again
+
+
+def errors_of(trainer: Trainer, chosen: Mapping[str, Any], split: str) -> list[float]:
+    """NRMSE of a configuration by fold of a split."""
+    found = trainer.judge_parts(chosen, {split: slice(None)})[split]["nrmse"]
+    return list(found)
 
 
 def keep(
