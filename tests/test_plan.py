@@ -115,7 +115,7 @@ def test_predictions_far_apart_settle_everything():
 
 def test_predictions_that_agree_settle_nothing():
     left = among(stored(SOFTENS), stored(SETS), share=[0.6, 0.4])
-    after = left._after(np.zeros((2, 2)), np.full(2, ERROR), np.zeros(2))
+    (after,) = left._after(np.zeros((2, 2)), np.full(2, ERROR), np.zeros(2))
     np.testing.assert_allclose(after, np.broadcast_to([0.6, 0.4], after.shape))
     assert not left.settled(after).any()
 
@@ -125,7 +125,7 @@ def test_odds_grow_by_the_logarithm_of_the_error(apart):
     """Beside a Monte Carlo integral of its own: E log odds = K E log(r_j / r_i)."""
     left = among(stored(SOFTENS), stored(SETS))
     place = np.array([[0.0, 0.0], [apart * ERROR, 0.0]])
-    after = left._after(place, np.full(2, ERROR), np.full(2, 0.3))
+    (after,) = left._after(place, np.full(2, ERROR), np.full(2, 0.3))
     odds = np.log(after[0, :, 0] / after[0, :, 1])
     rng = np.random.default_rng(5)
     size = ERROR * np.exp(0.3 * rng.standard_normal(200_000))
@@ -143,14 +143,30 @@ def test_where_prediction_decides_a_recording_is_one_more_fold():
     folds = np.array([[0.02, 0.03, 0.025], [0.03, 0.04, 0.04]])
     left = among(stored(SOFTENS), stored(SETS), folds=folds)
     far = np.array([[0.0, 0.0], [1.0, 0.0]])  # so far that its error hardly counts
-    after = left._after(far, np.full(2, ERROR), np.zeros(2))
+    after, fewer = left._after(far, np.full(2, ERROR), np.zeros(2))
     new = np.array([[ERROR], [1.0]])
     expected = shares(np.concatenate([folds, new], axis=1), np.ones(2))
     assert after[0].mean(axis=0) == pytest.approx(expected, abs=0.02)
+    # Without it the probabilities are as they were, so one recording names nothing.
+    assert fewer[0] == pytest.approx(
+        np.broadcast_to(shares(folds, np.ones(2)), fewer[0].shape)
+    )
     # On three specimens it is three more folds.
-    after = left._after(far, np.full(2, ERROR), np.zeros(2), 3)
+    after, *fewer = left._after(far, np.full(2, ERROR), np.zeros(2), 3)
     expected = shares(np.concatenate([folds, *[new] * 3], axis=1), np.ones(2))
     assert after[0].mean(axis=0) == pytest.approx(expected, abs=0.02)
+
+
+def test_a_name_that_hangs_on_one_new_recording_is_not_promised():
+    """Two laws that predicted alike: one recording tells them apart, and may be odd."""
+    folds = np.array([[0.025, 0.025, 0.025], [0.02, 0.03, 0.025]])
+    known = limits_of(*[RAMP] * 3)
+    left = among(stored(SOFTENS), stored(SETS), folds=folds, known=known)
+    high, low = np.array([0.95, 0.05]), np.array([0.45, 0.55])
+    assert left.settled(high)
+    assert left.settled(high, [high])
+    assert not left.settled(high, [low])
+    assert not left.settled(high, [high, low])
 
 
 def test_more_specimens_are_asked_for_where_one_does_not_settle_it():

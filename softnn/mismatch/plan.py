@@ -28,8 +28,9 @@ logarithm.
 fall most (Lindley 1956, doi:10.1214/aoms/1177728069; Box and Hill 1967,
 doi:10.1080/00401706.1967.10490441; Atkinson and Fedorov 1975,
 doi:10.1093/biomet/62.1.57). Its promise is the share of draws after which an effect in
-question has 0.9 or more, or all have less than 0.1. If one recording promises less than
-`ENOUGH_SURE`, two or three specimens are asked for.
+question has 0.9 or more, and 0.5 without each of the new recordings, or all have less
+than 0.1. If one recording promises less than `ENOUGH_SURE`, two or three specimens are
+asked for.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ from numpy.typing import NDArray
 
 from softnn.axes import Axes
 from softnn.contracts import Array, InputError
-from softnn.mismatch.compare import FLOOR, LIKELY, SURE, shares
+from softnn.mismatch.compare import FLOOR, LIKELY, NAMED, SURE, shares
 from softnn.mismatch.prediction import ENOUGH, Candidate
 from softnn.mismatch.programmes import (
     Library,
@@ -343,11 +344,11 @@ class Alternatives:
         turn, width, _ = np.linalg.svd(z, full_matrices=False)
         apart = np.linalg.norm(z[:, None] - z[None], axis=2)
         p = np.array(self.probability)
-        after = self._after(turn * width, error, swing, specimens)
+        after, *fewer = self._after(turn * width, error, swing, specimens)
         return Score(
             float(_entropy(p) - p @ _entropy(after).mean(axis=1)),
-            float(p @ self.settled(after, specimens).mean(axis=1)),
-            float(p @ self._right(after, specimens).mean(axis=1)),
+            float(p @ self.settled(after, fewer).mean(axis=1)),
+            float(p @ self._right(after, fewer).mean(axis=1)),
             apart,
             stress,
             float(p @ error),
@@ -378,9 +379,11 @@ class Alternatives:
 
     def _after(
         self, place: Array, error: Array, swing: Array, specimens: int = 1
-    ) -> Array:
+    ) -> list[Array]:
         """Return probabilities (truth, draws, models) after recordings of each truth.
 
+        Where prediction decides, those without each of the new recordings follow: a
+        name has to stay there (`compare.Names.least`).
         `place` (models, k) are the predictions, `error` (models,) their errors, both
         over the RMS stress; `swing` is the spread of the errors, in logarithms.
         """
@@ -393,7 +396,7 @@ class Alternatives:
         folds = np.array([a.folds for a in self.sets])
         sizes = np.array([len(a.effects) for a in self.sets])
         log = np.log(np.array(self.probability))
-        out = np.empty((count, DRAWS, count))
+        out = np.empty((1 + specimens * bool(folds.size), count, DRAWS, count))
         for i in range(count):
             size = error[i] * np.exp(swing[i] * unit)  # (draws, specimens)
             miss = (size[..., None] * inside)[:, None] + (place[i] - place)[:, None]
@@ -401,12 +404,16 @@ class Alternatives:
             new = np.sqrt(new)  # (draws, models, specimens)
             if folds.size:
                 known = np.broadcast_to(folds, (DRAWS, *folds.shape))
-                out[i] = shares(np.concatenate([known, new], axis=2), sizes)
+                out[0, i] = shares(np.concatenate([known, new], axis=2), sizes)
+                for k in range(specimens):
+                    fewer = np.delete(new, k, axis=2)
+                    left = np.concatenate([known, fewer], axis=2)
+                    out[1 + k, i] = shares(left, sizes)
                 continue
             odds = log - WORTH * np.log(new + FLOOR).sum(axis=-1)
             weight = np.exp(odds - odds.max(axis=1, keepdims=True))
-            out[i] = weight / weight.sum(axis=1, keepdims=True)
-        return out
+            out[0, i] = weight / weight.sum(axis=1, keepdims=True)
+        return list(out)
 
     def _chance(self, probability: Array, specimens: int) -> Array:
         """Return the probability (..., open) of each effect in question, afterwards."""
@@ -415,23 +422,30 @@ class Alternatives:
         spare = 1 / (few + 2) if few < ENOUGH else 0.0
         return np.asarray(probability @ has * (1 - spare))
 
-    def settled(self, probability: Array, specimens: int = 1) -> NDArray[np.bool]:
+    def _sure(self, after: Array, fewer: Sequence[Array]) -> NDArray[np.bool]:
+        """Return whether (..., open) effects in question are sure, and stay named."""
+        new = max(len(fewer), 1)
+        sure = self._chance(after, new) >= SURE
+        for less in fewer:
+            sure &= self._chance(less, new) >= NAMED
+        return sure
+
+    def settled(self, after: Array, fewer: Sequence[Array] = ()) -> NDArray[np.bool]:
         """Return whether probabilities (..., models) after recordings settle anything.
 
-        An effect in question is then sure, or none of them is likely.
+        An effect in question is then sure, or none of them is likely. `fewer` are the
+        probabilities without each of the new recordings.
         """
-        chance = self._chance(probability, specimens)
-        return np.asarray(
-            (chance >= SURE).any(axis=-1) | (chance < LIKELY).all(axis=-1)
-        )
+        none = self._chance(after, max(len(fewer), 1)) < LIKELY
+        return np.asarray(self._sure(after, fewer).any(axis=-1) | none.all(axis=-1))
 
-    def _right(self, after: Array, specimens: int) -> NDArray[np.bool]:
+    def _right(self, after: Array, fewer: Sequence[Array]) -> NDArray[np.bool]:
         """Return (truth, draws): settled, and the sure effects are true."""
-        chance = self._chance(after, specimens)
         has = self._has[:, [self.effects.index(n) for n in self.open]] > 0
-        false = ((chance >= SURE) & ~has[:, None]).any(axis=-1)
-        none = (chance < LIKELY).all(axis=-1) & np.any(has, axis=1, keepdims=True)
-        return np.asarray(self.settled(after, specimens) & ~false & ~none)
+        false = (self._sure(after, fewer) & ~has[:, None]).any(axis=-1)
+        none = self._chance(after, max(len(fewer), 1)) < LIKELY
+        lost = none.all(axis=-1) & np.any(has, axis=1, keepdims=True)
+        return np.asarray(self.settled(after, fewer) & ~false & ~lost)
 
     # -- the plan ----------------------------------------------------------------------
 
