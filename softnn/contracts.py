@@ -76,9 +76,6 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 class Parameter:
     """One number a model or an effect needs: its range is declared here, once.
 
-    Fits count the largest stress as 1, so the range of a stress is a multiple of it.
-    Of a stress in MPa nothing but the sign is known.
-
     >>> Parameter("relaxation_time", "s", 1e-3, 1e6, 1.0, "log").check(-1)
     Traceback (most recent call last):
     ...
@@ -104,18 +101,14 @@ class Parameter:
         return ("1/MPa" in self.unit) - ("MPa" in self.unit.replace("1/MPa", ""))
 
     def check(self, value: ArrayLike) -> None:
-        """Raise `InputError` unless every entry of `value` is allowed."""
-        low, high = self.low, self.high
-        if self.per_stress:
-            least = 0.0 if low == 0 else float(np.finfo(float).tiny)
-            low, high = (-np.inf if low < 0 else least), float(np.finfo(float).max)
+        """Raise `InputError` unless every entry of `value` is within [low, high]."""
         values = np.atleast_1d(np.asarray(value, dtype=float))
-        bad = ~((values >= low) & (values <= high))  # NaN is bad too
+        bad = ~((values >= self.low) & (values <= self.high))  # NaN is bad too
         if bad.any():
             unit = "" if self.unit == "-" else f" {self.unit}"
             raise InputError(
                 f"{self.name} is {values[bad][0]:.6g}{unit}; "
-                f"allowed is {low:.6g} to {high:.6g}{unit}"
+                f"allowed is {self.low:.6g} to {self.high:.6g}{unit}"
             )
 
 

@@ -32,7 +32,7 @@ class LoadCellDrift(Effect):
     stage = "sensor"
     ports = ("stress",)
     parameters: tuple[Parameter, ...] = (
-        Parameter("drift_MPa_per_s", "MPa/s", -1.0, 1.0, 1e-4, meaning="a"),
+        Parameter("drift_MPa_per_s", "MPa/s", -1e3, 1e3, 1e-4, meaning="a"),
     )
     off = {"drift_MPa_per_s": 0.0}
     amplitude = "drift_MPa_per_s"
