@@ -375,6 +375,7 @@ def test_a_network_is_trained_shown_and_taken_away(page, data_folder, tmp_path, 
     )
     folds = told["materials"][0]["rows"][0]["random"]
     rows = page.get_by_role("group", name="Table: random folds").locator("tbody tr")
+    rows.nth(len(folds) - 1).wait_for()  # the page is built from the top
     assert rows.count() == len(folds) == 3
     for button in ("Network", "Network for unseen"):
         network = softnn.load_model(downloaded(page, button, tmp_path))
