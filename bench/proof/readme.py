@@ -69,7 +69,7 @@ def on_real(real: dict[str, Any]) -> list[list[str]]:
     ):  # those of an older engine are not
         found, false = faults["found"], faults["with_a_false_name"]
         words = "... faults put into copies: found; copies with a false name"
-        if "found_of_seen" in faults:
+        if faults.get("found_of_seen", {}).get("of"):
             found = faults["found_of_seen"]
             words = "... faults that can be found: found; copies with a false name"
         told = f"{found['right']} of {found['of']}; {false['right']} of {false['of']}"
