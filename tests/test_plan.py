@@ -169,6 +169,17 @@ def test_a_name_that_hangs_on_one_new_recording_is_not_promised():
     assert not left.settled(high, [high, low])
 
 
+def test_the_promise_of_a_programme_asks_for_names_that_stay():
+    """One recording says all, and says it alone: softening is no name without it."""
+    folds = np.array([[0.021, 0.031, 0.026], [0.02, 0.03, 0.025]])
+    models = stored(SOFTENS), stored(SETS)
+    known = limits_of(*[RAMP] * 3)
+    left = among(*models, share=[0.49, 0.51], folds=folds, known=known)
+    programme = made([0, 0.5, 0, 0.5, 0])
+    alone, two = left.score(programme), left.score(programme, 2)
+    assert alone.sure < 0.7 < 0.9 < two.sure
+
+
 def test_more_specimens_are_asked_for_where_one_does_not_settle_it():
     folds = np.array([[0.02, 0.03, 0.025], [0.02, 0.03, 0.025]])
     found = among(stored(SOFTENS), stored(SETS), folds=folds).plan()

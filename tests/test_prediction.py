@@ -534,6 +534,20 @@ def test_a_search_that_cannot_decide_is_not_made(monkeypatch):
     assert judge(start(case_of(strips, "c"), "hooke")).judged_by == "prediction"
 
 
+def test_the_corrected_model_is_the_central_one(monkeypatch):
+    """The judgement asks for it on few samples, and gives what it is told."""
+    base, told = start(case_of(bent_strips(0.35), "c"), "hooke"), []
+
+    def marked(one, every, engine):
+        assert engine is base.coarse
+        told.append(replace(one, errors=1.01 * one.errors))
+        return told[-1]
+
+    monkeypatch.setattr(prediction, "central", marked)
+    found = judge(base)
+    assert found.decision.account.errors is told[0].errors
+
+
 def test_softening_of_a_material_that_no_law_describes_is_named_by_prediction():
     found = diagnose(bent_strips(0.4), "hooke")
     assert found.result["judged_by"] == "prediction"

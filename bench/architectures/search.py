@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -192,14 +193,13 @@ class Beside:
     def begun(cls, judge: Judge, seed: int) -> Callable[[], Beside]:
         """Judge them split by split, on folds drawn with `seed`; what waits for it."""
         trainer = judge.trainer
-        kinds = {"random": "random", "specimen": "specimen", "unseen": judge.unseen}
+        kinds = {"random": "random"}
         # Recordings that name no specimen may all be of one.
-        if not all(r.specimen for r in trainer.data.tensile):
-            del kinds["specimen"]
-        try:
-            trainer.folds("specimen", "FFRD4", seed)
-        except InputError:  # one specimen only
-            kinds.pop("specimen", None)
+        if all(r.specimen for r in trainer.data.tensile):
+            with contextlib.suppress(InputError):  # one specimen only
+                trainer.folds("specimen", "FFRD4", seed)
+                kinds["specimen"] = "specimen"
+        kinds["unseen"] = judge.unseen
         begun = [judge.apart(held_against, *kind, seed) for kind in kinds.items()]
 
         def ended() -> Beside:

@@ -30,7 +30,10 @@ def table(results: Path) -> str:
     )
     trial = hands["trials"]["by-others"]
     rows = [*on_real(real), *beside(rivals), *on_concealed(trial)]
-    made = f"Recordings: {made_with(real)} Concealed: {made_with(trial['record'])}"
+    made = (
+        f"Recordings: {made_with(real)} Other methods: {made_with(rivals)} "
+        f"Concealed: {made_with(trial['record'])}"
+    )
     return f"{markdown(['', 'result'], rows)}\n\n{made}"
 
 
@@ -69,7 +72,7 @@ def on_real(real: dict[str, Any]) -> list[list[str]]:
     ):  # those of an older engine are not
         found, false = faults["found"], faults["with_a_false_name"]
         words = "... faults put into copies: found; copies with a false name"
-        if faults.get("found_of_seen", {}).get("of"):
+        if "found_of_seen" in faults:
             found = faults["found_of_seen"]
             words = "... faults that can be found: found; copies with a false name"
         told = f"{found['right']} of {found['of']}; {false['right']} of {false['of']}"

@@ -1,13 +1,13 @@
 """Which effects do predictions need? Sets of effects compared in pairs, fold by fold.
 
-All sets are wrong by far more than the noise, so no likelihood is at hand. What can be
+All sets are wrong by far more than the noise, so likelihoods say nothing. What can be
 measured is which set predicts better what a fit has not seen. Folds are few and differ
 much in difficulty, which is the same for all sets; so sets are compared in pairs, as in
 a paired test (Student 1908, doi:10.1093/biomet/6.1.1). The share of a set is the
 probability that the best one is ahead of it by chance.
 
-Nothing is kept back for a cause that is not on the list: what the best set leaves is
-missing beside its effects, not in their place, and is told as a remainder.
+A cause that is not on the list takes no probability from these. The error that the best
+set leaves speaks for a further cause, not against its effects, and the answer gives it.
 """
 
 from __future__ import annotations

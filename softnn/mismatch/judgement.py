@@ -110,9 +110,9 @@ def far_from_noise(base: Baseline, first: Fit) -> bool:
     """Return whether no search could explain the recordings down to the noise.
 
     `first` is a sketch with two effects. What it misses is compared with the noise that
-    differences of neighbouring samples allow: if a smooth function of the state gains
-    more than `FAR` nats a sample beside it, laws are wrong, and no likelihood of theirs
-    says anything.
+    differences of neighbouring samples allow. If a smooth function of the state gains
+    more than `FAR` nats a sample beside it, the laws are wrong, and their likelihoods
+    say nothing.
     """
     engine, fixed = base.engine.under(None, None), base.fixed
     for _ in range(2):

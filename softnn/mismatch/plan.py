@@ -461,7 +461,7 @@ class Alternatives:
         if unknown:
             return None
         every = library.programmes()
-        # Far beyond the recordings a model may run away; nothing is foretold there.
+        # Far beyond the recordings a model may run away; its prediction says nothing.
         with np.errstate(all="ignore"):
             scored = [(p, self.score(p)) for p in every]
         scored = [(p, s) for p, s in scored if np.isfinite(s.gain)]

@@ -58,7 +58,7 @@ RESCALED = 4  # steps to the scale of a new specimen
 SLOWER, LARGER = 5.0, 1.5  # rates and strains beyond the recordings
 NEAR = 0.5  # of the largest share, from which a candidate predicts about as well
 CRUSHED = -0.9  # largest compression that is asked for
-FAR = 1.0  # of the stress: models that lie farther apart are strangers to each other
+APART = 1.0  # of the stress: the most that two models are said to lie apart
 MOVING, HELD = 0.3, 0.05  # of the usual speed: moving above, held below
 
 
@@ -172,9 +172,9 @@ def best(
     one = min(safe, key=lambda c: c.score + SAME * len(c.effects))
     if base.score - one.score <= HARM:
         return base
-    return (
-        one if engine is None else central(one, [c for c in safe if c.effects], engine)
-    )
+    if engine is None:
+        return one
+    return central(one, [c for c in safe if c.effects], engine)
 
 
 def central(one: Candidate, every: Sequence[Candidate], engine: Engine) -> Candidate:
@@ -188,19 +188,18 @@ def central(one: Candidate, every: Sequence[Candidate], engine: Engine) -> Candi
     share = shares(
         np.array([c.nrmse for c in every]), np.array([len(c.effects) for c in every])
     )
-    likely = share >= LIKELY * share.max()
-    near = [every[i] for i in range(len(every)) if likely[i]]
-    if len(near) < 2 or all(c is not one for c in near):
+    likely = np.flatnonzero(share >= LIKELY * share.max()).tolist()
+    near, share = [every[i] for i in likely], share[likely]
+    if all(c is not one for c in near):
         return one
-    apart = np.zeros((len(near), len(near)))
+    off = np.zeros(len(near))
     for other in elsewhere(engine):
         stress = np.array([other.run(c.fit.guess, False)[0] for c in near])
         size = np.sqrt(other.share @ np.median(stress, axis=0) ** 2)
         miss = stress[:, None] - stress
-        far = np.sqrt(miss**2 @ other.share) / max(float(size), 1e-300)
-        apart += np.nan_to_num(np.minimum(far, FAR), nan=FAR)
-    far = np.where(share[likely] >= NEAR * share.max(), apart @ share[likely], np.inf)
-    return near[int(far.argmin())]
+        apart = np.sqrt(miss**2 @ other.share) / max(float(size), 1e-300)
+        off += np.nan_to_num(np.minimum(apart, APART), nan=APART) @ share
+    return near[int(np.where(share >= NEAR * share.max(), off, np.inf).argmin())]
 
 
 def elsewhere(engine: Engine) -> list[Engine]:
