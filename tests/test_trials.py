@@ -202,3 +202,9 @@ def test_the_command_refuses(stand_in, capsys):
     assert trial.main(elsewhere(Path("few"), "one")) == 0
     assert trial.main(["--cases-in", "few", "--smoke", "--out", "of-few"]) == 2
     assert "of-few holds a trial" in capsys.readouterr().err
+
+
+def test_every_case_is_in_the_picture_whatever_its_verdict():
+    counts = {"slack": {"slack": 1, "good_enough": 2}, "null": {"nothing_missing": 4}}
+    (axes,) = reporting.confusion_figure(counts).axes
+    assert sum(int(text.get_text()) for text in axes.texts) == 7

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_CAUSES = 20
-VERDICTS = ("nothing_missing", "undetermined", "unexplained", "no diagnosis")
 
 
 def bars(scores: Mapping[str, Any], record: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -179,10 +178,11 @@ def calibration_table(told: Mapping[str, Any]) -> str:
 
 
 def confusion_figure(counts: Mapping[str, Mapping[str, int]]) -> Figure:
-    """Rows: what was planted; columns: what was named. Shares of the row."""
+    """Rows: what was planted; columns: what was named, or the verdict, as shares."""
     rows, used = list(counts), {c for row in counts.values() for c in row}
-    possible = (*EFFECTS, scoring.AND_MORE, scoring.SEVERAL, *VERDICTS)
-    columns = [c for c in possible if c in used or c in rows]
+    names = (*EFFECTS, scoring.AND_MORE, scoring.SEVERAL)
+    columns = [c for c in names if c in used or c in rows]
+    columns += sorted(used - set(names))
     figure = new_figure(2.6 + 0.3 * len(columns), 2.2 + 0.24 * len(rows))
     axes = figure.subplots()
     shares = [
