@@ -72,9 +72,15 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 
+STRESSES = 1e4  # MPa: the largest stress of a recording, or the inverse of the least
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number a model or an effect needs: its range is declared here, once.
+
+    Fits count the largest stress as 1. In MPa the range of a stress is wider, by what
+    the largest stress of a soft material may be: `STRESSES`.
 
     >>> Parameter("relaxation_time", "s", 1e-3, 1e6, 1.0, "log").check(-1)
     Traceback (most recent call last):
@@ -100,15 +106,27 @@ class Parameter:
         """
         return ("1/MPa" in self.unit) - ("MPa" in self.unit.replace("1/MPa", ""))
 
+    @property
+    def allowed(self) -> tuple[float, float]:
+        """Least and largest value in MPa, s and degC.
+
+        >>> Parameter("modulus", "MPa", 0.01, 100, 1).allowed
+        (1e-06, 1000000.0)
+        """
+        wide = STRESSES if self.per_stress else 1.0
+        low = self.low / wide if self.low > 0 else self.low * wide
+        return low, self.high * wide
+
     def check(self, value: ArrayLike) -> None:
-        """Raise `InputError` unless every entry of `value` is within [low, high]."""
+        """Raise `InputError` unless every entry of `value` is `allowed`."""
+        low, high = self.allowed
         values = np.atleast_1d(np.asarray(value, dtype=float))
-        bad = ~((values >= self.low) & (values <= self.high))  # NaN is bad too
+        bad = ~((values >= low) & (values <= high))  # NaN is bad too
         if bad.any():
             unit = "" if self.unit == "-" else f" {self.unit}"
             raise InputError(
                 f"{self.name} is {values[bad][0]:.6g}{unit}; "
-                f"allowed is {self.low:.6g} to {self.high:.6g}{unit}"
+                f"allowed is {low:.6g} to {high:.6g}{unit}"
             )
 
 

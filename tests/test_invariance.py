@@ -10,7 +10,7 @@ from made import STIFFNESS, UNITS
 
 from softnn import Recording, diagnose
 from softnn.axes import SPECIMEN
-from softnn.contracts import Chunk
+from softnn.contracts import Chunk, InputError
 from softnn.effects import EFFECTS, effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.fit.point import with_stress
@@ -95,24 +95,29 @@ def test_every_effect_scales_with_stress(law):
 
 
 @pytest.mark.parametrize("one", [1e-3, 200.0])
-def test_what_a_fit_finds_is_read_again_in_mpa(one):
-    """A drift of the whole stress in a second is no fault of the file."""
+@pytest.mark.parametrize("end", ["low", "high"])
+def test_what_a_fit_finds_is_read_again_in_mpa(one, end):
+    """A stress at the end of its range in the fit is no fault of the file."""
     axes = SPECIMEN.counted(1.0, one)
-    time = np.linspace(0, 2, 200)
-    scales = _scales(time, 0.4 * np.abs(np.sin(3 * time)))
     for law in EFFECTS:
         for form in law.forms:
-            values = form.defaults() | form.starts(scales)[0]
-            if form.amplitude == "drift_MPa_per_s":
-                values["drift_MPa_per_s"] = np.ones_like(values["drift_MPa_per_s"])
-            piece = Piece(form, values, ())
-            made, back = in_units(Guess(UNITS, STIFFNESS, (piece,)), axes)
+            ends = {p.name: getattr(p, end) for p in form.parameters if p.per_stress}
+            values = form.defaults() | ends
+            own = {k: np.atleast_1d(values[k]) for k in form.per_recording}
+            guess = Guess(UNITS, STIFFNESS, (Piece(form, values | own, ()),))
+            made, back = in_units(guess, axes)
             told = to_dict(made, ["a"], "fresh", False, axes=back)
             (read,) = from_dict(told).pieces
-            for p in form.parameters:
-                if p.name not in form.per_recording:
-                    wanted = values[p.name] * one**-p.per_stress
-                    assert read.values[p.name] == pytest.approx(wanted), p.name
+            for name in ends.keys() - own.keys():
+                power = next(p for p in form.parameters if p.name == name).per_stress
+                assert read.values[name] == pytest.approx(ends[name] * one**-power)
+
+
+@pytest.mark.parametrize("wrong", [-1.0, np.inf, np.nan])
+def test_a_stress_in_mpa_keeps_its_sign(wrong):
+    law = effect("friction_hysteresis")
+    with pytest.raises(InputError, match="friction_MPa is"):
+        law.prepare(law.defaults() | {"friction_MPa": wrong})
 
 
 def _scales(time, strain):
