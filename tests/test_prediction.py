@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from made import STIFFNESS, UNITS, straight
+from scipy.stats import t as student
 from scipy.stats import ttest_rel
 
 from softnn import Recording, diagnose
@@ -225,8 +226,8 @@ def test_faults_of_single_recordings_take_no_part_but_a_gap_does():
 
 def candidates(*rows, kinds=("specimen",) * 4):
     """The base and sets of effects with these errors in the folds."""
-    rows_ = np.ones(1, bool)
-    every = tuple(Fold(by, rows_, (i,)) for i, by in enumerate(kinds))
+    rows_ = np.eye(len(kinds), dtype=bool)
+    every = tuple(Fold(by, rows_[i], (i,)) for i, by in enumerate(kinds))
     known = Folds(every, np.ones(len(kinds)))
     out = []
     for names, errors in rows:
@@ -325,18 +326,40 @@ def test_what_is_left_stands_beside_a_name_and_not_in_its_place():
     assert told.nothing == 0  # the base is not good enough
 
 
-def test_shares_are_those_of_a_paired_test():
-    """Without a prior on the spread: Student's tail of the paired differences."""
+def _pair():
+    """Errors of two sets in four folds, and Student's t of their difference."""
     errors = np.array([[0.01, 0.02, 0.05, 0.1], [0.012, 0.021, 0.07, 0.11]])
-    found = shares(errors, np.zeros(2))
     log = np.log(errors + 1e-3)
-    p = ttest_rel(log[1], log[0], alternative="greater").pvalue
+    return errors, ttest_rel(log[1], log[0], alternative="greater").statistic
+
+
+@pytest.mark.parametrize("unseen", [0.0, 1 / 3])
+def test_shares_are_those_of_a_paired_test(unseen):
+    """Folds share their recordings: the corrected test of Nadeau and Bengio (2003)."""
+    errors, statistic = _pair()
+    p = student.sf(statistic / np.sqrt(1 + 4 * unseen), 3)
+    found = shares(errors, np.zeros(2), unseen)
     # The usual spread is a little smaller than this one: the two agree nearly.
     assert found[1] / (2 * found[1] + (1 - 2 * found[1])) == pytest.approx(
-        p / (p + 0.5), abs=0.03
+        p / (p + 0.5), abs=0.05
     )
-    apart = shares(np.exp(np.log(errors) + [[0.0], [0.5]]), np.zeros(2))
+    apart = shares(np.exp(np.log(errors) + [[0.0], [0.5]]), np.zeros(2), unseen)
     assert apart[1] < found[1]
+
+
+def test_folds_that_leave_more_out_tell_less():
+    errors = _pair()[0]
+    told = [shares(errors, np.zeros(2), unseen)[0] for unseen in (0.0, 0.2, 1.0)]
+    assert told == sorted(told, reverse=True)
+    assert shares(errors, np.zeros(2)) == pytest.approx(
+        shares(errors, np.zeros(2), 1 / 3)
+    )
+
+
+def test_what_is_left_out_is_counted_in_samples():
+    every = [np.arange(10) < 5, np.arange(10) < 2]
+    known = Folds(tuple(Fold("recording", rows, (0,)) for rows in every), np.ones(2))
+    assert known.unseen == pytest.approx((1 + 0.25) / 2)
 
 
 def test_laws_that_take_each_others_place_are_one_class():

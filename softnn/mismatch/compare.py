@@ -35,14 +35,17 @@ MOST = 3  # laws of a class; more say little
 Sets = Sequence[frozenset[str]]
 
 
-def shares(errors: Array, sizes: Array) -> Array:
+def shares(errors: Array, sizes: Array, unseen: float | None = None) -> Array:
     """Return the share (..., sets) of each set of effects; they sum to 1.
 
     `errors` (..., sets, folds) are NRMSE, `sizes` (sets,) numbers of effects. The mean
     difference of log errors to the best set, plus `PRICE` for each effect, has a
-    standard error; its variance is drawn towards `SPREAD`, since folds are few. A fold
-    more than `CLEAR` usual deviations from the median counts as so many there: that a
-    law fails wholly in one fold says nothing of how the others scatter.
+    standard error; its variance is drawn towards `SPREAD`, since folds are few. The
+    fits of all folds share most recordings, so their errors are not independent: the
+    ratio of samples left out to samples fitted, `unseen`, adds to 1/folds (Nadeau and
+    Bengio 2003, doi:10.1023/A:1024068626366). None: each sample is left out once. A
+    fold more than `CLEAR` usual deviations from the median counts as so many there:
+    that a law fails wholly in one fold says nothing of how the others scatter.
     """
     log = np.log(errors + FLOOR)
     score = log.mean(axis=-1) + PRICE * sizes
@@ -54,7 +57,8 @@ def shares(errors: Array, sizes: Array) -> Array:
     scatter = np.clip(behind, usual - most, usual + most).var(axis=-1)
     apart = (scatter * folds + BELIEVED * SPREAD**2) / (folds + BELIEVED - 1)
     lost = score - np.take_along_axis(score, best, axis=-1)
-    weight = student.sf(lost / np.sqrt(apart / folds), folds)
+    unseen = 1 / max(folds - 1, 1) if unseen is None else unseen
+    weight = student.sf(lost / np.sqrt(apart * (1 / folds + unseen)), folds)
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
 
@@ -84,19 +88,22 @@ class Names:
     classes: tuple[Class, ...] = field(default=())
 
 
-def names(sets: Sets, errors: Array, chance: float = 0.0) -> Names:
+def names(
+    sets: Sets, errors: Array, chance: float = 0.0, unseen: float | None = None
+) -> Names:
     """Return the probability of each effect, and classes of laws that are like it.
 
     `errors` (sets, folds) are NRMSE. `chance` is the probability that what these
-    recordings need, the next one does not.
+    recordings need, the next one does not; `unseen` is that of `shares`.
     """
     sizes = np.array([len(s) for s in sets])
     every = sorted(set().union(*sets))
     has = np.array([[name in s for s in sets] for name in every]).reshape(-1, len(sets))
-    share = shares(errors, sizes) * (1 - chance)
+    share = shares(errors, sizes, unseen) * (1 - chance)
     likely = has @ share
     fewer = [np.delete(errors, k, axis=1) for k in range(errors.shape[1])]
-    parts = [has @ shares(e, sizes) * (1 - chance) for e in fewer if e.shape[1] > 1]
+    parts = [shares(e, sizes, unseen) for e in fewer if e.shape[1] > 1]
+    parts = [has @ part * (1 - chance) for part in parts]
     least = np.min([likely, *parts], axis=0)
     return Names(
         dict(zip(every, map(float, likely), strict=True)),

@@ -395,7 +395,7 @@ class Alternatives:
         outside = rng.chisquare(rest, many) / INDEPENDENT
         folds = np.array([a.folds for a in self.sets])
         sizes = np.array([len(a.effects) for a in self.sets])
-        log = np.log(np.array(self.probability))
+        log, parts = np.log(np.array(self.probability)), self.known.count + specimens
         out = np.empty((1 + specimens * bool(folds.size), count, DRAWS, count))
         for i in range(count):
             size = error[i] * np.exp(swing[i] * unit)  # (draws, specimens)
@@ -404,11 +404,12 @@ class Alternatives:
             new = np.sqrt(new)  # (draws, models, specimens)
             if folds.size:
                 known = np.broadcast_to(folds, (DRAWS, *folds.shape))
-                out[0, i] = shares(np.concatenate([known, new], axis=2), sizes)
+                every = np.concatenate([known, new], axis=2)
+                out[0, i] = shares(every, sizes, 1 / (parts - 1))
                 for k in range(specimens):
                     fewer = np.delete(new, k, axis=2)
                     left = np.concatenate([known, fewer], axis=2)
-                    out[1 + k, i] = shares(left, sizes)
+                    out[1 + k, i] = shares(left, sizes, 1 / max(parts - 2, 1))
                 continue
             odds = log - WORTH * np.log(new + FLOOR).sum(axis=-1)
             weight = np.exp(odds - odds.max(axis=1, keepdims=True))

@@ -79,6 +79,12 @@ class Folds:
     squares: Array
 
     @property
+    def unseen(self) -> float:
+        """Samples left out over samples fitted, the mean of all folds."""
+        out = np.array([f.rows.mean() for f in self.every])
+        return float(np.mean(out / (1 - out)))
+
+    @property
     def chance(self) -> float:
         """Probability that what these recordings need, the next one does not.
 
@@ -185,9 +191,8 @@ def central(one: Candidate, every: Sequence[Candidate], engine: Engine) -> Candi
     distance from the others, weighed by their shares, is smallest. It has half of the
     share of the best, or more.
     """
-    share = shares(
-        np.array([c.nrmse for c in every]), np.array([len(c.effects) for c in every])
-    )
+    errors = np.array([c.nrmse for c in every])
+    share = shares(errors, np.array([len(c.effects) for c in every]), one.folds.unseen)
     likely = np.flatnonzero(share >= LIKELY * share.max()).tolist()
     near, share = [every[i] for i in likely], share[likely]
     if all(c is not one for c in near):
@@ -582,14 +587,14 @@ def posterior(
     `found[0]` is the base: if that is `enough`, nothing is missing, else something that
     is not on the list. `apart` are the probabilities of faults judged by themselves.
     """
-    chance = found[0].folds.chance
+    chance, unseen = found[0].folds.chance, found[0].folds.unseen
     errors = np.array([c.nrmse for c in found])
     sets = [c.effects for c in found]
-    share = shares(errors, np.array([len(s) for s in sets])) * (1 - chance)
+    share = shares(errors, np.array([len(s) for s in sets]), unseen) * (1 - chance)
     first = share[0] + chance
     hypotheses = [Hypothesis(found[0], other) for other in (False, True)]
     hypotheses += [Hypothesis(c) for c in found[1:]]
     split = [first * enough, first * (not enough), *share[1:]]
     none = np.zeros(len(hypotheses))
     told = Posterior(tuple(hypotheses), np.array(split), none, apart)
-    return told, names_of(sets, errors, chance)
+    return told, names_of(sets, errors, chance, unseen)
