@@ -192,7 +192,8 @@ def central(one: Candidate, every: Sequence[Candidate], engine: Engine) -> Candi
     share of the best, or more.
     """
     errors = np.array([c.nrmse for c in every])
-    share = shares(errors, np.array([len(c.effects) for c in every]), one.folds.unseen)
+    # Here counts how alike they predict these folds, not what other folds would say.
+    share = shares(errors, np.array([len(c.effects) for c in every]), unseen=0.0)
     likely = np.flatnonzero(share >= LIKELY * share.max()).tolist()
     near, share = [every[i] for i in likely], share[likely]
     if all(c is not one for c in near):
