@@ -290,8 +290,10 @@ def test_of_models_that_predict_alike_the_one_that_others_agree_with_is_taken():
 
 def test_a_fold_in_which_a_law_fails_wholly_makes_the_others_no_less_certain():
     alike, fails = [0.01, 0.0102, 0.0099, 0.0101, 0.01], [0.01] * 4 + [0.1]
-    told = shares(np.array([alike, fails]), np.zeros(2))
-    scattered = shares(np.array([alike, [0.03, 0.01, 0.0033, 0.02, 0.1]]), np.zeros(2))
+    rest = [0.03, 0.01, 0.0033, 0.02, 0.1]
+    told, scattered = (
+        shares(np.array([alike, one]), np.zeros(2), 1 / 4) for one in (fails, rest)
+    )
     assert told[0] > SURE > scattered[0]
 
 
@@ -326,34 +328,50 @@ def test_what_is_left_stands_beside_a_name_and_not_in_its_place():
     assert told.nothing == 0  # the base is not good enough
 
 
-def _pair():
-    """Errors of two sets in four folds, and Student's t of their difference."""
-    errors = np.array([[0.01, 0.02, 0.05, 0.1], [0.012, 0.021, 0.07, 0.11]])
-    log = np.log(errors + 1e-3)
-    return errors, ttest_rel(log[1], log[0], alternative="greater").statistic
+PAIR = np.array([[0.01, 0.02, 0.05, 0.1], [0.012, 0.021, 0.07, 0.11]])
 
 
-@pytest.mark.parametrize("unseen", [0.0, 1 / 3])
-def test_shares_are_those_of_a_paired_test(unseen):
-    """Folds share their recordings: the corrected test of Nadeau and Bengio (2003)."""
-    errors, statistic = _pair()
-    p = student.sf(statistic / np.sqrt(1 + 4 * unseen), 3)
-    found = shares(errors, np.zeros(2), unseen)
+def test_shares_are_those_of_a_paired_test():
+    """Without a prior on the spread: Student's tail of the paired differences."""
+    found = shares(PAIR, np.zeros(2), 0.0)
+    log = np.log(PAIR + 1e-3)
+    p = ttest_rel(log[1], log[0], alternative="greater").pvalue
     # The usual spread is a little smaller than this one: the two agree nearly.
     assert found[1] / (2 * found[1] + (1 - 2 * found[1])) == pytest.approx(
-        p / (p + 0.5), abs=0.05
+        p / (p + 0.5), abs=0.03
     )
-    apart = shares(np.exp(np.log(errors) + [[0.0], [0.5]]), np.zeros(2), unseen)
+    apart = shares(np.exp(np.log(PAIR) + [[0.0], [0.5]]), np.zeros(2), 0.0)
     assert apart[1] < found[1]
 
 
-def test_folds_that_leave_more_out_tell_less():
-    errors = _pair()[0]
-    told = [shares(errors, np.zeros(2), unseen)[0] for unseen in (0.0, 0.2, 1.0)]
-    assert told == sorted(told, reverse=True)
-    assert shares(errors, np.zeros(2)) == pytest.approx(
-        shares(errors, np.zeros(2), 1 / 3)
-    )
+@pytest.mark.parametrize("unseen", [0.2, 1 / 3, 1.0])
+def test_folds_that_share_recordings_tell_less(unseen):
+    """Nadeau and Bengio 2003, eq. 9: t shrinks by the root of 1 + n n2 / n1."""
+
+    def statistic(ratio):
+        best, other = shares(PAIR, np.zeros(2), ratio)
+        return student.isf(0.5 * other / best, 4)
+
+    shrunk = statistic(0.0) / statistic(unseen)
+    assert shrunk == pytest.approx(np.sqrt(1 + 4 * unseen))
+
+
+def test_names_take_the_folds_for_what_they_leave_out():
+    """Half of the samples are left out in each fold, or a quarter: so less is sure."""
+    found = candidates(((), [0.2] * 4), (("slack",), [0.13, 0.17, 0.11, 0.15]))
+    told = [posterior(found)]
+    halves = [np.arange(4) % 2 == k for k in (0, 1, 0, 1)]
+    every = zip(found[0].folds.every, halves, strict=True)
+    known = Folds(tuple(replace(f, rows=rows) for f, rows in every), np.ones(4))
+    found = [replace(c, folds=known) for c in found]
+    told.append(posterior(found))
+    assert told[0].effects["slack"] > told[1].effects["slack"] > 0.5
+    errors = np.array([c.nrmse for c in found])
+    expected = shares(errors, np.arange(2), 1.0)[1]
+    assert told[1].effects["slack"] == pytest.approx(expected)
+    least = prediction.posterior(found, {}, enough=False)[1].least["slack"]
+    fewer = [shares(np.delete(errors, k, 1), np.arange(2), 1.0)[1] for k in range(4)]
+    assert least == pytest.approx(min(fewer))
 
 
 def test_what_is_left_out_is_counted_in_samples():

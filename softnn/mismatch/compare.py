@@ -35,7 +35,7 @@ MOST = 3  # laws of a class; more say little
 Sets = Sequence[frozenset[str]]
 
 
-def shares(errors: Array, sizes: Array, unseen: float | None = None) -> Array:
+def shares(errors: Array, sizes: Array, unseen: float) -> Array:
     """Return the share (..., sets) of each set of effects; they sum to 1.
 
     `errors` (..., sets, folds) are NRMSE, `sizes` (sets,) numbers of effects. The mean
@@ -43,9 +43,9 @@ def shares(errors: Array, sizes: Array, unseen: float | None = None) -> Array:
     standard error; its variance is drawn towards `SPREAD`, since folds are few. The
     fits of all folds share most recordings, so their errors are not independent: the
     ratio of samples left out to samples fitted, `unseen`, adds to 1/folds (Nadeau and
-    Bengio 2003, doi:10.1023/A:1024068626366). None: each sample is left out once. A
-    fold more than `CLEAR` usual deviations from the median counts as so many there:
-    that a law fails wholly in one fold says nothing of how the others scatter.
+    Bengio 2003, doi:10.1023/A:1024068626366). A fold more than `CLEAR` usual deviations
+    from the median counts as so many there: that a law fails wholly in one fold says
+    nothing of how the others scatter.
     """
     log = np.log(errors + FLOOR)
     score = log.mean(axis=-1) + PRICE * sizes
@@ -57,7 +57,6 @@ def shares(errors: Array, sizes: Array, unseen: float | None = None) -> Array:
     scatter = np.clip(behind, usual - most, usual + most).var(axis=-1)
     apart = (scatter * folds + BELIEVED * SPREAD**2) / (folds + BELIEVED - 1)
     lost = score - np.take_along_axis(score, best, axis=-1)
-    unseen = 1 / max(folds - 1, 1) if unseen is None else unseen
     weight = student.sf(lost / np.sqrt(apart * (1 / folds + unseen)), folds)
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
@@ -88,13 +87,11 @@ class Names:
     classes: tuple[Class, ...] = field(default=())
 
 
-def names(
-    sets: Sets, errors: Array, chance: float = 0.0, unseen: float | None = None
-) -> Names:
+def names(sets: Sets, errors: Array, unseen: float, chance: float = 0.0) -> Names:
     """Return the probability of each effect, and classes of laws that are like it.
 
-    `errors` (sets, folds) are NRMSE. `chance` is the probability that what these
-    recordings need, the next one does not; `unseen` is that of `shares`.
+    `errors` (sets, folds) are NRMSE, `unseen` is that of `shares`. `chance` is the
+    probability that what these recordings need, the next one does not.
     """
     sizes = np.array([len(s) for s in sets])
     every = sorted(set().union(*sets))

@@ -598,4 +598,4 @@ def posterior(
     split = [first * enough, first * (not enough), *share[1:]]
     none = np.zeros(len(hypotheses))
     told = Posterior(tuple(hypotheses), np.array(split), none, apart)
-    return told, names_of(sets, errors, chance, unseen)
+    return told, names_of(sets, errors, unseen, chance)
