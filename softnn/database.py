@@ -9,11 +9,14 @@ import contextlib
 import hashlib
 import json
 import os
+import signal
 import sqlite3
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from filelock import FileLock, Timeout
@@ -53,6 +56,40 @@ def made_aside(file: Path, make: Callable[[Path], None]) -> None:
             Path(name).replace(file)
         finally:
             Path(name).unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def undisturbed() -> Iterator[None]:
+    """Let ctrl-C, and a `kill` that means the same, wait for the end of the block.
+
+    Cut off within a statement, SQLAlchemy may keep a connection with an open
+    transaction, and whoever writes next finds the file locked. A second ctrl-C does
+    not wait: a server may never answer. Off the main thread no signal arrives.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[tuple[int, FrameType | None]] = []
+    handlers: dict[int, Callable[[int, FrameType | None], Any]] = {
+        number: handler
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if callable(handler := signal.getsignal(number))
+    }
+
+    def wait(number: int, frame: FrameType | None) -> None:
+        came.append((number, frame))
+        if len(came) > 1:
+            handlers[number](number, frame)
+
+    for number in handlers:
+        signal.signal(number, wait)
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        if came:
+            handlers[came[0][0]](*came[0])
 
 
 class Store:

@@ -45,7 +45,7 @@ from mlflow.store.db.utils import (
 from mlflow.tracking import MlflowClient
 
 from softnn.contracts import InputError, nearest
-from softnn.database import made_aside, sqlite_file
+from softnn.database import made_aside, sqlite_file, undisturbed
 
 for _library in ("mlflow", "alembic"):
     logging.getLogger(_library).setLevel(logging.WARNING)
@@ -92,6 +92,7 @@ class Tracker:
     On an error or ctrl-C the parent run is marked FAILED or KILLED.
     """
 
+    @undisturbed()
     def __init__(
         self,
         uri: str,
@@ -129,6 +130,7 @@ class Tracker:
     def __enter__(self) -> Tracker:
         return self
 
+    @undisturbed()
     def __exit__(
         self,
         kind: type[BaseException] | None,
@@ -140,6 +142,7 @@ class Tracker:
             status = "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED"
         self._client.set_terminated(self.run_id, status)
 
+    @undisturbed()
     def trial(
         self,
         name: str,
@@ -171,6 +174,7 @@ class Tracker:
         self._nested[name] = self._client.get_run(run_id)
         return run_id
 
+    @undisturbed()
     def curve(
         self, metrics: Mapping[str, Iterable[tuple[int, float]]], ended: datetime
     ) -> None:
@@ -183,6 +187,7 @@ class Tracker:
         ]
         self._write(self.run_id, points)
 
+    @undisturbed()
     def result(
         self,
         metrics: Mapping[str, float],
@@ -208,6 +213,7 @@ class Tracker:
         for name, text in (texts or {}).items():
             self._client.log_text(self.run_id, text, name)
 
+    @undisturbed()
     def register(
         self,
         name: str,

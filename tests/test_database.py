@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from softnn.contracts import InputError
-from softnn.database import Lock, made_aside
+from softnn.database import Lock, made_aside, undisturbed
 from softnn.search import Search
 from softnn.tracking import Tracker
 
@@ -130,3 +130,35 @@ def test_a_lock_let_go_is_free(tmp_path):
     lock.release()
     lock.release()
     Lock(tmp_path / "a.lock", "it").release()
+
+
+def test_ctrl_c_waits_for_the_end_of_what_is_written():
+    done = []
+
+    def write():
+        with undisturbed():
+            with undisturbed():
+                signal.raise_signal(signal.SIGINT)
+                done.append("inner")
+            done.append("outer")
+        done.append("after")
+
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    assert done == ["inner", "outer"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_second_ctrl_c_does_not_wait():
+    done = []
+
+    @undisturbed()
+    def write():
+        signal.raise_signal(signal.SIGINT)
+        done.append("first")
+        signal.raise_signal(signal.SIGINT)
+        done.append("second")
+
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    assert done == ["first"]

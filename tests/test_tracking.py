@@ -1,10 +1,13 @@
 """The MLflow store is read back with a client of its own."""
 
 import json
+import signal
 import warnings
 from datetime import datetime, timedelta
 
 import pytest
+from sqlalchemy import event
+from sqlalchemy.engine import Engine
 
 from softnn.contracts import InputError
 from softnn.tracking import COLUMNS, PARENT, VIEW, Tracker, tables
@@ -154,6 +157,33 @@ def test_error_marks_the_parent_failed(made):
     ):
         _ = 1 / 0
     assert read(made, "failed")[1][0].info.status == "FAILED"
+
+
+@pytest.mark.parametrize("statement", ["INSERT INTO metrics", "UPDATE", "SELECT"])
+def test_ctrl_c_within_a_statement_marks_the_parent_killed(made, statement):
+    sent = []
+
+    def interrupt(connection, cursor, text, *_):
+        if text.startswith(statement) and not sent:
+            sent.append(text)
+            signal.raise_signal(signal.SIGINT)
+
+    experiment = f"interrupted {statement}"
+
+    def study():
+        with Tracker(made, experiment, identity="1", **ABOUT) as tracker:
+            event.listen(Engine, "after_cursor_execute", interrupt)
+            try:
+                log(tracker)
+            finally:
+                event.remove(Engine, "after_cursor_execute", interrupt)
+
+    with pytest.raises(KeyboardInterrupt):
+        study()
+    assert sent
+    _, parents, nested = read(made, experiment)
+    assert [run.info.status for run in parents] == ["KILLED"]
+    assert [run.info.status for run in nested] == ["FINISHED"]
 
 
 def test_a_link_opens_the_table_with_nrmse_and_r2(made):

@@ -28,6 +28,7 @@ from softnn.database import (
     server_lock,
     shown,
     sqlite_file,
+    undisturbed,
 )
 from softnn.search.draws import (
     Draws,
@@ -231,8 +232,9 @@ class Search:
                 known = done[: max(0, count + 1 - TOGETHER)]
                 parameters = draws.draw(count, known)
                 self.study.sampler = Given(parameters)
-                trial = self.study.ask({n: draws.space[n] for n in parameters})
-                trial.set_user_attr("explored", True)
+                with undisturbed():
+                    trial = self.study.ask({n: draws.space[n] for n in parameters})
+                    trial.set_user_attr("explored", True)
                 pending.append((trial, submit(parameters, known)))
                 while len(pending) == TOGETHER or (pending and count == trials - 1):
                     done.append(self._oldest(pending))
@@ -270,17 +272,20 @@ class Search:
         self.study.sampler = sampler
         with warnings.catch_warnings():  # this process leads: nobody waits for a beat
             warnings.filterwarnings("ignore", "Heartbeat of storage")
-            trial = self.study.ask(space)
+            with undisturbed():
+                trial = self.study.ask(space)
         return self._told(trial, objective)
 
     def _told(self, trial: optuna.Trial, objective: Objective) -> Finished:
         try:
             value, result = objective(dict(trial.params))
-            trial.set_user_attr("result", result)
+            with undisturbed():
+                trial.set_user_attr("result", result)
+                told = self.study.tell(trial, value)
         except BaseException:  # ctrl-C too: the trial is not left running
-            self.study.tell(trial, state=TrialState.FAIL)
+            self.study.tell(trial, state=TrialState.FAIL, skip_if_finished=True)
             raise
-        return self._finished(self.study.tell(trial, value))
+        return self._finished(told)
 
     def _finished(self, trial: FrozenTrial) -> Finished:
         assert trial.datetime_start is not None
