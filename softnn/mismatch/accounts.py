@@ -136,6 +136,7 @@ def search(
             progress.piece()
     if _discrepancy(weigher, max(found, key=value)) > evident:
         return Search(base, base.noise, found, False)
+    found += _finer(weigher, found[0])
     if not apart:
         found += _as_specimens(base, weigher, found)
     found += _as_mistakes(weigher, found, pool)
@@ -150,6 +151,16 @@ def _discrepancy(weigher: Weigher, account: Account) -> float:
     """Return the gain in log evidence of a free discrepancy, nats a sample."""
     evidence = weigher.weigh(account.fit)
     return (evidence.beside - evidence.bare) / len(account.fit.residual)
+
+
+def _finer(weigher: Weigher, bare: Account) -> list[Account]:
+    """Return the base alone on a finer grid: what it explains needs no effect."""
+    guess = bare.fit.guess
+    units = guess.units.finer()
+    if bare.fit.fixed_base or units == guess.units:
+        return []
+    more = replace(guess, units=units, stiffness=np.zeros(units.columns))
+    return _weighed(weigher, [fit(weigher.engine, more)])
 
 
 def _asked_again(

@@ -20,6 +20,7 @@ from softnn.metrics import BAND, weights
 from softnn.model_file import HISTORIES
 from softnn.models.bases import BASES
 from softnn.plausible import Advice
+from softnn.prepare import cut_failure
 from softnn.readers import ReadOptions
 from softnn.readers.folder import Found, files_of, read_files
 from softnn.readers.tidy import read_folder, read_text
@@ -33,6 +34,8 @@ SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of the smallest sensible va
 LONGEST_S = 1e11  # three thousand years
 UNTOLD = ("no force to use", "no displacement to use")  # notes left out
 BESIDE = 9  # intervals; their median is the usual interval
+FEWEST = 20  # samples in which a failure is looked for
+FALL = 2 / 3  # of the peak, that a specimen loses by failing
 PAUSE = 10  # times the usual interval; a longer one is a pause, not lost samples
 
 
@@ -385,29 +388,20 @@ def mask_gaps(case: Case) -> Case:
 def mask_failure(case: Case) -> Case:
     """Return the case without stress after the failure of a specimen.
 
-    Failure: as the strain grows by less than a tenth of its largest value, the stress
-    falls to less than a third of its peak.
+    Failure is that of `prepare.cut_failure`, by two thirds of the peak: a specimen of
+    foam that softens or slips by less is still one.
     """
     out = []
     for recording in case.recordings:
         stress = np.array(recording.stress_MPa)
-        good = np.isfinite(stress) & np.isfinite(recording.strain)
-        index = np.flatnonzero(good)
-        size = np.abs(stress[index])
-        strain = np.abs(recording.strain[index])
-        if len(index) < 20:
-            out.append(recording)
-            continue
-        top = int(np.argmax(size))
-        after = np.flatnonzero(size[top:] < 0.33 * size[top])
-        if len(after):
-            fall = top + int(after[0])
-            onward = strain[fall] >= strain[top] - 1e-3 * strain.max()
-            soon = strain[fall] - strain[top] < 0.1 * strain.max()
-            if onward and soon and strain[top] > 0.5 * strain.max():
-                # The last samples before the peak already tear.
-                first = index[max(int(0.995 * top), 0)]
-                stress[first:] = np.nan
+        index = np.flatnonzero(np.isfinite(stress) & np.isfinite(recording.strain))
+        if len(index) >= FEWEST:
+            whole = len(cut_failure(recording.take(index), drop=FALL))
+            strain = np.abs(recording.strain[index])
+            # What falls early in a test was a start: a blank run has one.
+            if whole < len(index) and strain[whole - 1] > 0.5 * strain.max():
+                # The last samples before the fall already tear.
+                stress[index[int(0.995 * whole)] :] = np.nan
                 recording = recording.with_step("mask_failure", stress_MPa=stress)
         out.append(recording)
     return replace(case, recordings=tuple(out))

@@ -72,14 +72,14 @@ class Evidence:
     form: float
     beside_size: float
     scatter: float
-    numbers: int  # free parameters of the effects
+    numbers: int  # free parameters of the effects, and springs of a finer base
 
 
 class Weigher:
     """Computes the evidence of fits to one set of recordings."""
 
     def __init__(self, engine: Engine, base: Fit) -> None:
-        self.engine = engine
+        self.engine, self.stiffness = engine, base.guess.stiffness
         rng = np.random.default_rng(SEED)
         x = states(engine)
         self.bends = fourier(x, BENDS, rng)
@@ -164,8 +164,15 @@ class Weigher:
             GRIDS[0][place[0]],
             max(ELSE[i] for i in at[1:APART]),
             SCATTER[place[APART]],
-            sum(worth(found, s) for s in found.slots),
+            sum(worth(found, s) for s in found.slots) + self.further(found),
         )
+
+    def further(self, found: Fit) -> int:
+        """Return how many more springs and branches a fit uses on a finer grid."""
+        mine, base = found.guess.stiffness, self.stiffness
+        if len(mine) == len(base):
+            return 0
+        return max(int(np.count_nonzero(mine) - np.count_nonzero(base)), 0)
 
     def bent(self, change: Array) -> Array:
         """Return form errors of scale one of an effect as columns (valid, k), MPa."""

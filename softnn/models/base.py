@@ -73,6 +73,10 @@ class Base(ABC):
         """Return sentences that limit the trust in this base."""
         return ()
 
+    def finer(self) -> Self:
+        """Return the base on a finer grid of strains and times, if it has a grid."""
+        return self
+
     @abstractmethod
     def only(self, branches: NDArray[np.integer]) -> Self:
         """Return the same base with these branches (indices) alone."""

@@ -97,18 +97,21 @@ class Units(Base):
             "relaxation_times_s": [float(t) for t in self.relaxation_times],
         }
 
-    def finer(self, branches_too: bool = True) -> Units:
+    def finer(self) -> Units:
         """The same base with a knot between any two, and a time where it has a grid.
+
+        Two times more are shorter than the first: branches too fast for the clock.
 
         >>> Units("pl-wiechert", (0.0, 1.0, 2.0), (1.0, 4.0)).finer()
         Units(name='pl-wiechert', knots=(0.0, 0.5, 1.0, 1.5, 2.0), \
-relaxation_times=(1.0, 2.0, 4.0))
+relaxation_times=(0.25, 0.5, 1.0, 2.0, 4.0))
         """
         knots, times = np.array(self.knots), np.array(self.relaxation_times)
         if self.segments > 1:
             knots = np.sort(np.append(knots, (knots[1:] + knots[:-1]) / 2))
-        if branches_too and self.name.endswith("wiechert"):
+        if self.name.endswith("wiechert"):
             times = np.sort(np.append(times, np.sqrt(times[1:] * times[:-1])))
+            times = np.append(times[0] / np.array([4.0, 2.0]), times)
         return replace(
             self, knots=tuple(knots.tolist()), relaxation_times=tuple(times.tolist())
         )

@@ -38,7 +38,8 @@ def _failure(time: Array, x: Array, y: Array, drop: float) -> int:
     # a fall as quick as that is no relaxation.
     soon = np.searchsorted(time, time + 0.01 * (time - time[0]))
     soon = np.clip(soon, np.arange(len(y)) + 2, end)
-    later = np.maximum.accumulate(y[::-1])[::-1][soon]  # the most it carries again
+    # The most it carries again, either way: friction only turns round.
+    later = np.maximum.accumulate(np.abs(y)[::-1])[::-1][soon]
     # A displacement sensor that lags shows unloading as a quick fall at rest.
     after = np.searchsorted(time, time + 0.1 * (time - time[0])).clip(soon, end)
     stays = (x[after] >= x - motion) | (later < 0.1 * peak)
