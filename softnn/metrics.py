@@ -15,7 +15,7 @@ from softnn.contracts import Array, InputError
 from softnn.state import turns
 
 BAND = 0.01  # of the range of strain; a smaller reversal is noise, not motion
-STRETCH = 0.005  # of the path of strain, over which its speed is taken
+STRETCH = 2e-4  # of the path, over which speed is taken: 1/50 of the shortest hold seen
 HELD = 0.01  # of the usual speed; slower strain counts as held
 DECADES = 2.0  # of the time of a hold that its weight is spread over
 

@@ -9,8 +9,9 @@ from made import STIFFNESS, UNITS, histories, straight
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
+from softnn.metrics import weights
 from softnn.mismatch.candidates import candidates
-from softnn.mismatch.case import Case, mask_gaps, thin, to_data
+from softnn.mismatch.case import Case, mask_failure, mask_gaps, sparse, thin, to_data
 from softnn.mismatch.diagnosis import diagnose
 from softnn.mismatch.locate import only_loading
 from softnn.mismatch.verify import heldout, ratio_interval
@@ -142,6 +143,53 @@ def test_stress_after_a_gap_on_the_move_is_not_used():
     still = Recording(time, np.full(len(time), 0.3), strain, name="a")
     held = mask_gaps(Case("c", (still,))).recordings[0].stress_MPa
     assert np.isfinite(held).all()
+
+
+def cut(time, strain, stress):
+    """Share of the samples after which softnn takes the specimen for failed."""
+    case = Case("c", (Recording(time, strain, stress, name="a"),))
+    (seen,) = mask_failure(case).recordings
+    return np.isfinite(seen.stress_MPa).mean()
+
+
+def test_what_relaxes_has_not_failed():
+    """A ramp, and a hold in which nine tenths of the stress relax in a second."""
+    time = np.linspace(0, 60, 3001)
+    strain = np.minimum(time / 10, 1.0)
+    held = np.exp(-np.maximum(time - 10, 0))
+    assert cut(time, strain, strain * (0.1 + 0.9 * held)) == 1.0
+    assert cut(time, strain, strain * (time < 30)) == pytest.approx(0.5, abs=0.01)
+
+
+def test_friction_that_turns_round_has_not_failed():
+    time = np.linspace(0, 20, 2001)
+    strain = 1 - np.abs(time / 10 - 1)
+    assert cut(time, strain, np.where(time < 10, 1.0, -1.0)) == 1.0
+
+
+def test_a_pull_that_goes_on_without_stress_has_failed():
+    strain = np.linspace(0, 5, 1001)
+    assert cut(strain, strain, strain * (strain < 3)) == pytest.approx(0.6, abs=0.01)
+    assert cut(strain, -strain, -strain * (strain < 3)) == pytest.approx(0.6, abs=0.01)
+    start = np.exp(-strain)  # a blank run: a start, and then nothing
+    assert cut(strain, strain, start) == 1.0
+
+
+def test_fewer_samples_give_the_same_error():
+    """`sparse` chooses samples by weight; a wrong hold counts as much among them."""
+    time = np.linspace(0, 420, 2101)
+    strain = np.minimum(time / 300, 1.0)
+    case = Case("c", (Recording(time, strain, strain + 0.1 * (time > 300), name="a"),))
+
+    def error(case):
+        (data,) = case.recordings
+        weight = weights(data.time_s, data.strain)
+        return np.sqrt(
+            weight @ (data.stress_MPa - data.strain) ** 2 / (weight @ data.strain**2)
+        )
+
+    for most in (1000, 300):
+        assert error(sparse(case, most)) == pytest.approx(error(case), rel=0.02)
 
 
 def test_thinning_keeps_reversals():

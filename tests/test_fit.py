@@ -259,7 +259,7 @@ def test_finer_units_carry_the_same_stress():
     coarse = fit(engine, Guess(units, np.ones(units.columns)))
     finer = units.finer()
     assert finer.segments == 4
-    assert len(finer.relaxation_times) == 3
+    assert min(finer.relaxation_times) == min(units.relaxation_times) / 4
     assert set(units.knots) < set(finer.knots)
     assert set(units.relaxation_times) < set(finer.relaxation_times)
     fine = fit(engine, Guess(finer, np.ones(finer.columns)))

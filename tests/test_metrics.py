@@ -40,3 +40,34 @@ def test_shapes_and_emptiness_are_refused():
         metrics.nrmse([1.0, 2.0], [1.0])
     with pytest.raises(InputError, match="at least one"):
         metrics.generalisation_error([])
+
+
+def held(hold, count, noise=0.0):
+    """A ramp of 1 s, a hold, a third of the way back; where it is held."""
+    time = np.linspace(0, 1 + hold + 1 / 3, count)
+    strain = np.minimum(time, 1) - np.maximum(time - 1 - hold, 0)
+    strain = strain + noise * np.random.default_rng(0).normal(size=count)
+    return time, strain, (time > 1) & (time < 1 + hold)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("hold", [0.3, 1.0, 10.0])  # of the time of the ramp
+def test_a_hold_of_any_length_has_its_share_of_the_weight(hold, noise):
+    time, strain, still = held(hold, 4000, noise)
+    weight = metrics.weights(time, strain)
+    share = hold / time[-1]
+    expected = share / (1 + share)
+    assert weight[still].sum() / weight.sum() == pytest.approx(expected, abs=0.02)
+
+
+def test_an_error_does_not_depend_on_how_often_the_logger_wrote():
+    time, strain, still = held(0.3, 4000)
+    wrong = np.where(still, 0.1, 0.0)
+
+    def error(every):
+        weight = metrics.weights(time[::every], strain[::every])
+        size = weight @ strain[::every] ** 2
+        return np.sqrt(weight @ wrong[::every] ** 2 / size)
+
+    for every in (2, 5, 10):
+        assert error(every) == pytest.approx(error(1), rel=0.03)

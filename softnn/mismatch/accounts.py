@@ -42,6 +42,7 @@ FEWEST = 3  # recordings needed before scales of specimens can be estimated
 # Discrepancy gain in nats a sample: up to the first a candidate reaches the noise;
 # beyond the second no further search would reach it.
 LEAVES, EVIDENT = 0.03, 0.1
+FINER = 2  # times that the grid of a base is halved, to see whether it was too coarse
 REFITTED = 4  # iterations of a refit after a change of the noise alone
 
 
@@ -154,13 +155,15 @@ def _discrepancy(weigher: Weigher, account: Account) -> float:
 
 
 def _finer(weigher: Weigher, bare: Account) -> list[Account]:
-    """Return the base alone on a finer grid: what it explains needs no effect."""
-    guess = bare.fit.guess
-    units = guess.units.finer()
-    if bare.fit.fixed_base or units == guess.units:
-        return []
-    more = replace(guess, units=units, stiffness=np.zeros(units.columns))
-    return _weighed(weigher, [fit(weigher.engine, more)])
+    """Return the base alone on finer grids: what they explain needs no effect."""
+    guess, fits = bare.fit.guess, list[Fit]()
+    units = guess.units
+    for _ in range(FINER * (not bare.fit.fixed_base)):
+        units, last = units.finer(), units
+        if units != last:
+            more = replace(guess, units=units, stiffness=np.zeros(units.columns))
+            fits.append(fit(weigher.engine, more))
+    return _weighed(weigher, fits)
 
 
 def _asked_again(

@@ -80,6 +80,10 @@ def start(case: Case, model: str | Base | None = None) -> Baseline:
 
 
 def units_for(name: str, data: Data, segments: int = 16) -> Base:
+    """Return the base for recordings, on grids of their strains and of their times.
+
+    `data` are all of their samples: the shortest time is that of the clock.
+    """
     low = min(float(c.strain.min()) for c in data.chunks)
     high = max(float(c.strain.max()) for c in data.chunks)
     scales = data.scales()
@@ -184,7 +188,7 @@ def baseline(
 ) -> Baseline:
     """Return a base refitted to the data; noise from `fine` if it is given."""
     engine = Engine(data, fine=None if fine is None else Engine(fine))
-    units = units_for(name, data) if isinstance(name, str) else name
+    units = units_for(name, fine or data) if isinstance(name, str) else name
     pieces = nuisance(data, groups)
     every = dict.fromkeys(units.starts())  # the first may be among the others
     starts = (Guess(u, np.zeros(u.columns), pieces) for u in every)
@@ -209,7 +213,7 @@ def given(
     """Return a simulation from elsewhere as the base: unchanged, with a stand-in."""
     # The stand-in sees the simulation without noise, at the samples of the recording.
     copy = replace(data, stress_MPa=tuple(simulated), simulated_MPa=None)
-    units = units_for(STAND_IN, data)
+    units = units_for(STAND_IN, fine or data)
     inner = fit(Engine(copy), Guess(units, np.zeros(units.columns)))
     more, less = (
         None if d is None else beyond(d, d.simulated_MPa or (), inner.guess)
