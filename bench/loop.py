@@ -150,7 +150,7 @@ def trial(
     row |= {"judged_by": first.result["judged_by"], "before": outcome(first, true)}
     plan = first.next_recording()
     if first.verdict != "undetermined" and not small:
-        return row | {"left_out": "settled already"}
+        return row | {"left_out": f"the verdict is {first.verdict}"}
     if plan is None or plan.programme is None or plan.score is None:
         return row | {"left_out": "no recording is asked for"}
     row |= {

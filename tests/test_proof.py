@@ -334,6 +334,29 @@ def test_bases_stand_in_one_order_whichever_ran_last():
     ]
 
 
+def test_the_closed_loop_is_told_with_what_was_promised(tmp_path):
+    def arm(right, of):
+        rates = {"settled": right, "right": right, "wrong": of - right}
+        return {k: Rate(n, of).entry() for k, n in rates.items()}
+
+    rows = [{"of": "held_out", "left_out": "the verdict is good_enough"}] * 3
+    told = {
+        "cases": 7,
+        "open": 4,
+        "arms": {"asked": arm(3, 4), "random": arm(1, 4)},
+        "promised": [{"promised": 0.8, "came": Rate(3, 4).entry()}],
+    }
+    write(tmp_path / "results", "loop", {"told": told, "rows": rows})
+    make.make(tmp_path / "results", tmp_path / "docs")
+    text = (tmp_path / "docs" / "proof-hands.md").read_text()
+    assert "7 cases" in text
+    assert "the verdict is good enough (3)" in text
+    (asked,) = (row for row in text.splitlines() if "| the recording asked for" in row)
+    assert re.findall(r"(\d+) % \(", asked) == ["75", "75", "25"]
+    assert "80 % promised, 75 %" in text
+    assert (tmp_path / "docs/figures/proof-loop.png").stat().st_size > 3000
+
+
 def test_lists_of_equivalents_are_told_where_something_is_named():
     some = {"rate": 0.25, "of": 8}
     told = limits.lists_sentence({"with_a_list": some, "mean_length": 0.5})

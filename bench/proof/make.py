@@ -14,6 +14,7 @@ from pathlib import Path
 from bench.proof import hands as proof_hands
 from bench.proof.concealed import concealed
 from bench.proof.limits import limits
+from bench.proof.loop import loop
 from bench.proof.others import cost, recordings
 from bench.proof.page import MADE, OTHER, Page
 from bench.proof.readme import into_readme
@@ -40,6 +41,7 @@ def make(results: Path, folder: Path) -> Path:
     other.say("# The proof by other hands", HANDS, MADE)
     other.section("Cases by other hands", "hands", proof_hands.hands)
     other.section("Small changes of the recordings", "stability", proof_hands.stability)
+    other.section("The recording that softnn asks for", "loop", loop)
     other.section("All trials so far", "ledger", proof_hands.openings)
     other.write("proof-hands.md")
     beside = Page(results, folder)

@@ -18,6 +18,7 @@ COMMANDS = {  # of the result files the page is made of
     "hands": "python -m studies.concealed --hands held-out",
     "ledger": "python -m studies.concealed",
     "stability": "python -m studies.stability",
+    "loop": "python -m studies.loop",
     "limits": "python -m studies.limits",
     "rivals": "python -m studies.rivals",
     "recordings": "python -m studies.recordings",
