@@ -14,7 +14,7 @@ from softnn.effects import effect
 from softnn.fit import Guess, Piece
 from softnn.metrics import weights
 from softnn.mismatch import plan
-from softnn.mismatch.compare import FLOOR, SURE, shares
+from softnn.mismatch.compare import FLOOR, LIKELY, SURE, shares
 from softnn.mismatch.plan import Alternative, Alternatives
 from softnn.mismatch.programmes import Library, Limits, Programme, corners, recorded
 from softnn.model_file import from_dict, to_dict
@@ -181,6 +181,19 @@ def test_the_promise_of_a_programme_asks_for_names_that_stay():
     programme = made([0, 0.5, 0, 0.5, 0])
     alone, two = left.score(programme), left.score(programme, 2)
     assert alone.sure < 0.7 < 0.9 < two.sure
+
+
+def test_what_is_not_likely_to_settle_it_is_not_asked_for():
+    """Of one specimen, one more recording makes no name sure by prediction."""
+    folds = np.array([[0.001], [0.1]])
+    known = limits_of(LOOP, continued=True)
+    found = among(stored(SOFTENS), stored(SETS), known=known, folds=folds).plan()
+    assert found.score.apart.max() > found.score.error  # predictions lie apart
+    assert found.score.sure < LIKELY
+    assert found.programme is None
+    told = found.to_dict()
+    assert "at best" in told["why"]
+    assert told["programme"] is told["expected"] is None
 
 
 def test_more_specimens_are_asked_for_where_one_does_not_settle_it():

@@ -115,9 +115,10 @@ class Score:
 
 @dataclass(frozen=True)
 class Plan:
-    """The programme to record next, or None if all alternatives predict alike.
+    """The programme to record next, or None if none is likely to settle the question.
 
-    It has no score if no models are left to separate; then it covers all loadings.
+    Without a programme, a score is that of the best one; without that, all alternatives
+    predict alike. A programme has no score if no models are left to separate; then it covers all loadings.
     `cheap` is the best of those that take no new programme. The programme is to be run
     on this number of `specimens`, and the score is that of all of them.
     """
@@ -130,7 +131,7 @@ class Plan:
 
     def __repr__(self) -> str:
         if self.programme is None:
-            return "<Plan: the alternatives predict the same stress>"
+            return f"<Plan: {self._nothing()}>"
         chance = "" if self.score is None else f"; settles {percent(self.score.sure)}"
         return f"<Plan: {self.programme.label}{chance}>"
 
@@ -157,8 +158,7 @@ class Plan:
         out: dict[str, Any] = {
             "strain_programme": "no recording within these limits",
             "separates": self.separates,
-            "why": "the models that are left predict the same stress everywhere in "
-            "this range, so any of them serves",
+            "why": self._nothing(),
             "programme": None,
             "differ": None,
             "expected": None,
@@ -200,6 +200,19 @@ class Plan:
                 for i in shown
             ],
         }
+
+    def _nothing(self) -> str:
+        """Return why no programme is asked for."""
+        if self.score is None:
+            return (
+                "the models that are left predict the same stress everywhere in this "
+                "range, so any of them serves"
+            )
+        return (
+            "no recording within these limits is likely to tell what was left out "
+            f"({percent(self.score.sure)} at best); larger strains, other rates or "
+            "more time may (softnn plan)"
+        )
 
     def _shown(self, score: Score) -> list[int]:
         """Return the likeliest model and two likely ones that differ most from it."""
@@ -491,6 +504,8 @@ class Alternatives:
             if self.known.continued or more.sure < score.sure + MORE:
                 break
             specimens, score = specimens + 1, more
+        if score.sure < LIKELY and cheap is None:
+            return Plan(self, None, score)
         return Plan(self, programme, score, cheap, specimens)
 
     def _alike(self, score: Score) -> bool:
