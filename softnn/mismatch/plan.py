@@ -118,7 +118,8 @@ class Plan:
     """The programme to record next, or None if none is likely to settle the question.
 
     Without a programme, a score is that of the best one; without that, all alternatives
-    predict alike. A programme has no score if no models are left to separate; then it covers all loadings.
+    predict alike. A programme has no score if no models are left to separate; then it
+    covers all loadings.
     `cheap` is the best of those that take no new programme. The programme is to be run
     on this number of `specimens`, and the score is that of all of them.
     """
