@@ -14,6 +14,7 @@ import numpy as np
 
 from softnn.cards.given import (
     Given,
+    bulk_of,
     compressible,
     numbers,
     series_for,
@@ -69,8 +70,14 @@ def read(path: Path) -> list[Given]:
 
 
 # Keywords after which a line belongs to no material any more.
-_ENDS = {"step", "part", "assembly", "node", "element", "solidsection", "boundary"}
-_ENDS |= {"amplitude", "instance", "nset", "elset", "surface", "initialconditions"}
+_ENDS = {
+    "step", "part", "assembly", "node", "element", "solidsection", "shellsection",
+    "membranesection", "cohesivesection", "boundary", "amplitude", "instance", "nset",
+    "elset", "surface", "initialconditions", "surfaceinteraction", "contactpair",
+    "contact", "contactcontrols", "equation", "mpc", "coupling", "tie", "rigidbody",
+    "orientation", "transform", "system", "heading", "preprint", "restart",
+    "timepoints", "physicalconstants", "predefinedfield",
+}  # fmt: skip
 
 
 def blocks(
@@ -94,7 +101,8 @@ def blocks(
                 now.rows.append(numbers(fields, at))
             continue
         while line.endswith(",") and i < len(lines):
-            line += lines[i].strip()
+            more = lines[i].strip()
+            line += "" if more.startswith("**") else more
             i += 1
         word, *options = (x.strip() for x in line[1:].split(","))
         given = {}
@@ -114,6 +122,7 @@ def blocks(
         yield now
 
 
+_ONCE = {"hyperelastic", "viscoelastic", "mullinseffect"}
 _READ = {"hyperelastic", "hyperfoam", "viscoelastic", "mullinseffect", *SERIES}
 
 
@@ -136,21 +145,32 @@ def _material(name: str, parts: list[Block]) -> Given:
     law: Given | None = None
     notes: list[str] = []
     lasting = True  # Abaqus takes moduli for long-term ones unless told otherwise
-    bulk = 0.0
+    d: list[float] = [0.0]
+    law_at = ""
     series: tuple[list[float], list[float], list[float]] = ([], [], [])
     mullins = None
     awaited: Block | None = None
+    words = [b.word.replace("hyperfoam", "hyperelastic") for b in parts]
     for block in parts:
+        same = block.word.replace("hyperfoam", "hyperelastic")
+        if same in _ONCE and words.count(same) > 1:
+            raise InputError(f"{block.where}: *{block.word.upper()} stands there twice")
         if block.word in ("hyperelastic", "hyperfoam"):
             said = _plain(block.options.get("moduli", "longterm"))
             if said not in ("longterm", "instantaneous"):
                 raise InputError(f"{block.where}: MODULI={said} is not known")
             lasting = said == "longterm"
             foam = block.word == "hyperfoam"
-            law, bulk = (_foam if foam else _hyperelastic)(name, block)
+            law, d = (_foam if foam else _hyperelastic)(name, block)
+            law_at = block.where
         elif block.word == "viscoelastic":
             kind = _plain(block.options.get("time", "") or "")
             if kind == "prony":
+                if not block.rows or any(any(r[3:]) for r in block.rows):
+                    raise InputError(
+                        f"{block.where}: a series has one term a line: shares of shear "
+                        "and bulk, and the time"
+                    )
                 rows = [r + [0.0] * (3 - len(r)) for r in block.rows]
                 series = tuple([r[k] for r in rows] for k in range(3))  # type: ignore[assignment]
             elif kind == "relaxationtestdata":
@@ -163,9 +183,8 @@ def _material(name: str, parts: list[Block]) -> Given:
         elif block.word in SERIES and awaited is not None:
             if block.word == "volumetrictestdata":
                 raise InputError(f"{block.where}: bulk relaxation data are not read")
-            rows = np.array([r[:2] for r in block.rows]).T  # type: ignore[assignment]
-            shares, times, off = series_for(rows[1], rows[0])  # type: ignore[arg-type]
-            series = list(shares), [0.0] * len(shares), list(times)
+            shares, bulk_shares, times, off = _relaxation(block)
+            series = shares, bulk_shares, times
             notes.append(
                 f"{len(shares)} Prony terms for the relaxation data, off by up to "
                 f"{100 * off:.2g} % of the initial modulus"
@@ -181,6 +200,8 @@ def _material(name: str, parts: list[Block]) -> Given:
                 "give the column simulated_MPa"
             )
     assert law is not None  # asked before
+    if awaited is not None and not series[0]:
+        raise InputError(f"{awaited.where}: no *SHEAR TEST DATA that relaxes follows")
     g, k, tau = series
     given = replace(
         law,
@@ -189,14 +210,44 @@ def _material(name: str, parts: list[Block]) -> Given:
         mullins=mullins,
         notes=(*law.notes, *notes),
     )
+    bulk = bulk_of(law, d, law_at)
     if lasting and g:
         factor = 1 / (1 - sum(g))
         from softnn.models.hyperelastic import LAWS as ALL
 
         given = replace(given, moduli=ALL[law.law].scaled(law.moduli, factor))
-        bulk *= factor
+        if not sum(k) < 1:
+            raise InputError(f"material {name}: shares of bulk add up to {sum(k):.4g}")
+        bulk /= 1 - sum(k)
     alike = bool(g) and np.allclose(g, k, rtol=1e-6)
     return compressible(given, bulk, alike)
+
+
+def _relaxation(block: Block) -> tuple[list[float], list[float], list[float], float]:
+    """Return shares of shear, of bulk, times, and the error for relaxation data.
+
+    A line holds the modulus of shear, in combined data that of bulk, and the time.
+    """
+    count = 3 if block.word == "combinedtestdata" else 2
+    if any(len(r) < count or any(r[count:]) for r in block.rows) or not block.rows:
+        raise InputError(
+            f"{block.where}: a line of relaxation data has {count} numbers"
+        )
+    modulus, *bulk, time = np.array([r[:count] for r in block.rows]).T
+    told = block.options.get("shrinf")
+    lasting = None if told is None else numbers([told], block.where)[0]
+    if lasting is not None and not 0 < lasting < 1:
+        raise InputError(
+            f"{block.where}: SHRINF is {lasting:.4g}; it is above 0, below 1"
+        )
+    shares, times, off = series_for(time, modulus, lasting)
+    alike = bool(bulk) and np.allclose(bulk[0], modulus, rtol=1e-6)
+    if bulk and not alike and not np.allclose(bulk[0], 1.0, rtol=1e-6):
+        raise InputError(
+            f"{block.where}: bulk relaxation data are read where they equal those of "
+            "shear"
+        )
+    return list(shares), [g * alike for g in shares], list(times), off
 
 
 def _mullins(block: Block) -> tuple[float, float, float]:
@@ -218,52 +269,69 @@ def _data(block: Block, count: int) -> list[float]:
             f"{block.where}: moduli at more than one temperature; keep the line of "
             "the temperature of the test"
         )
+    if any(len(row) < 8 for row in block.rows[:-1]) and any(
+        x for row in block.rows[1:] for x in row
+    ):
+        raise InputError(
+            f"{block.where}: a line of moduli has 8 numbers before the next one begins"
+        )
+    if any(values[count + 1 :]):
+        raise InputError(
+            f"{block.where}: more numbers than its {count} moduli and a temperature; "
+            "is N right?"
+        )
     return (values + [0.0] * count)[:count]
 
 
-def _hyperelastic(name: str, block: Block) -> tuple[Given, float]:
+def _hyperelastic(name: str, block: Block) -> tuple[Given, list[float]]:
     options = {k: v for k, v in block.options.items() if k != "moduli"}
     form = next((f for f in FORMS if f in options), "polynomial")
     terms = int(numbers([options.get("n", "1")], block.where)[0])
     unknown = set(options) - {form, "n"}
     if unknown or not block.rows:
         what = ", ".join(sorted(unknown)).upper()[:60] or "test data"
+        what = what.replace("TESTDATAINPUT", "TEST DATA INPUT")
         raise InputError(
             f"{block.where}: *HYPERELASTIC is read with its moduli, in the forms "
             f"{', '.join(FORMS).upper()}; not with {what}"
         )
 
-    def given(law: str, moduli: list[float], d: float) -> tuple[Given, float]:
-        return Given("abaqus", name, law, tuple(moduli)), 2 / d if d > 0 else 0.0
+    def given(
+        law: str, moduli: list[float], d: list[float]
+    ) -> tuple[Given, list[float]]:
+        return Given("abaqus", name, law, tuple(moduli)), d
 
     if form == "neohooke" or (form == "reducedpolynomial" and terms == 1):
         c10, d1 = _data(block, 2)
-        return given("neo-hooke", [c10], d1)
+        return given("neo-hooke", [c10], [d1])
     if form == "mooney-rivlin" or (form == "polynomial" and terms == 1):
         *c, d1 = _data(block, 3)
-        return given("mooney-rivlin", c, d1)
+        return given("mooney-rivlin", c, [d1])
     if form == "yeoh" or (form == "reducedpolynomial" and terms in (2, 3)):
         terms = 3 if form == "yeoh" else terms
         values = _data(block, 2 * terms)
-        return given("yeoh", (values[:terms] + [0.0])[:3], values[terms])
+        return given("yeoh", (values[:terms] + [0.0])[:3], values[terms:])
     if form == "ogden" and terms in (1, 2, 3):
         values = _data(block, 3 * terms)
-        return given(f"ogden{terms}", values[: 2 * terms], values[2 * terms])
+        return given(f"ogden{terms}", values[: 2 * terms], values[2 * terms :])
     if form == "arruda-boyce":
-        *c, d = _data(block, 3)
-        return given("arruda-boyce", c, d)
+        *c, d1 = _data(block, 3)
+        return given("arruda-boyce", c, [d1])
     raise InputError(
         f"{block.where}: {form.upper()} of {terms} terms is not read; OGDEN is up to "
         "N=3, REDUCED POLYNOMIAL up to N=3, POLYNOMIAL with N=1"
     )
 
 
-def _foam(name: str, block: Block) -> tuple[Given, float]:
+def _foam(name: str, block: Block) -> tuple[Given, list[float]]:
     terms = int(numbers([block.options.get("n", "1")], block.where)[0])
     unknown = set(block.options) - {"n", "moduli"}
     if unknown or terms not in (1, 2) or not block.rows:
+        what = ", ".join(sorted(unknown)).upper()[:60] or f"N={terms}"
+        what = what.replace("TESTDATAINPUT", "TEST DATA INPUT")
         raise InputError(
-            f"{block.where}: *HYPERFOAM is read with its moduli and N=1 or N=2"
+            f"{block.where}: *HYPERFOAM is read with its moduli and N=1 or N=2; not "
+            f"with {what if block.rows or unknown else 'no moduli'}"
         )
     values = _data(block, 3 * terms)
     pairs, ratios = values[: 2 * terms], values[2 * terms :]
@@ -276,4 +344,4 @@ def _foam(name: str, block: Block) -> tuple[Given, float]:
             else [0.0, -2.0, ratios[0]]
         )
         moduli += more
-    return Given("abaqus", name, "hyperfoam", tuple(moduli), poisson=ratios[0]), 0.0
+    return Given("abaqus", name, "hyperfoam", tuple(moduli), poisson=ratios[0]), [0.0]

@@ -11,7 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from softnn.cards.given import Given, compressible, numbers, text_of, unit_of
+from softnn.cards.given import (
+    Given,
+    bulk_of,
+    compressible,
+    numbers,
+    text_of,
+    unit_of,
+)
 from softnn.contracts import InputError
 
 # Commands that say nothing of a stress; all others but TB are refused inside a card.
@@ -31,7 +38,15 @@ class Table:
     values: dict[int, float] = field(default_factory=dict)
 
     def first(self, count: int) -> list[float]:
-        """Return the constants 1 to `count`; those that are not given are 0."""
+        """Return the constants 1 to `count`; those that are not given are 0.
+
+        Raises `InputError` where there are more.
+        """
+        if any(x for k, x in self.values.items() if not 1 <= k <= count):
+            raise InputError(
+                f"{self.where}: TB,{self.kind} has more constants than its {count}; "
+                "is its NPTS right?"
+            )
         return [self.values.get(k, 0.0) for k in range(1, count + 1)]
 
 
@@ -55,9 +70,12 @@ def read(path: Path) -> list[Given]:
                 now = _table(fields, where)
                 found.setdefault(fields[2] if len(fields) > 2 else "", []).append(now)
             elif word == "TBDATA" and now is not None:
-                first = int(numbers([fields[1] or "1"], where)[0])
-                for k, x in enumerate(numbers(fields[2:], where), start=first):
-                    now.values[k] = x
+                # After the last one filled, where no place is given; a blank keeps.
+                place = (fields[1:2] or [""])[0] or str(max(now.values, default=0) + 1)
+                first = int(numbers([place], where)[0])
+                for k, field in enumerate(fields[2:], start=first):
+                    if field:
+                        now.values[k] = numbers([field], where)[0]
             elif word == "TBTEMP":
                 if now is not None and now.values:
                     raise InputError(
@@ -91,18 +109,23 @@ def _table(fields: list[str], where: str) -> Table:
         )
     if temperatures not in ("", "0", "1"):
         raise InputError(f"{where}: constants at more than one temperature")
-    terms = int(numbers([fields[4] or "1"], where)[0])
+    if kind == "HYPER":
+        option = option or "MOONEY"
+    usual = "2" if kind == "HYPER" and option.startswith("MOON") else "1"
+    terms = int(numbers([fields[4] or usual], where)[0])
     return Table(kind, terms, option, where)
 
 
 def _material(name: str, tables: list[Table]) -> Given:
     given: Given | None = None
-    bulk = 0.0
+    d: list[float] = [0.0]
+    law_at = ""
     series: dict[str, tuple[list[float], list[float]]] = {}
     mullins = None
     for table in tables:
         if table.kind == "HYPER":
-            given, bulk = _law(name, table)
+            given, d = _law(name, table)
+            law_at = table.where
         elif table.kind == "PRONY":
             values = table.first(2 * table.terms)
             if table.option[:4] not in ("SHEA", "BULK", ""):
@@ -117,6 +140,7 @@ def _material(name: str, tables: list[Table]) -> Given:
             r, m, beta = table.first(3)
             mullins = r, m, beta
     assert given is not None  # asked before
+    bulk = bulk_of(given, d, law_at)
     shares, times = series.get("SHEA", ([], []))
     given = replace(given, shares=tuple(shares), times_s=tuple(times), mullins=mullins)
     other = series.get("BULK")
@@ -124,34 +148,36 @@ def _material(name: str, tables: list[Table]) -> Given:
     return compressible(given, bulk, alike)
 
 
-def _law(name: str, table: Table) -> tuple[Given, float]:
+def _law(name: str, table: Table) -> tuple[Given, list[float]]:
     option, n = table.option[:4], table.terms
     said = option if option in LAWS else option[:3]
 
-    def made(law: str, moduli: list[float], d: float) -> tuple[Given, float]:
-        return Given("ansys", name, law, tuple(moduli)), 2 / d if d > 0 else 0.0
+    def made(
+        law: str, moduli: list[float], d: list[float]
+    ) -> tuple[Given, list[float]]:
+        return Given("ansys", name, law, tuple(moduli)), d
 
     if said == "NEO":
         mu, d = table.first(2)
-        return made("neo-hooke", [mu / 2], d)
+        return made("neo-hooke", [mu / 2], [d])
     if said == "MOON" and n == 2:
         *c, d = table.first(3)
-        return made("mooney-rivlin", c, d)
+        return made("mooney-rivlin", c, [d])
     if said == "YEOH" and n in (1, 2, 3):
         values = table.first(2 * n)
-        return made("yeoh", (values[:n] + [0.0, 0.0])[:3], values[n])
+        return made("yeoh", (values[:n] + [0.0, 0.0])[:3], values[n:])
     if said == "OGDE" and n in (1, 2, 3):
         values = table.first(3 * n)
         # W = sum of mu / alpha (...): the shear modulus is half of the sum of products.
         pairs = zip(values[0 : 2 * n : 2], values[1 : 2 * n : 2], strict=True)
         moduli = [x for mu, a in pairs for x in (mu * a / 2, a)]
-        return made(f"ogden{n}", moduli, values[2 * n])
+        return made(f"ogden{n}", moduli, values[2 * n :])
     if said == "BOYC":
         *m, d = table.first(3)
-        return made("arruda-boyce", m, d)
+        return made("arruda-boyce", m, [d])
     if said == "GENT":
         *m, d = table.first(3)
-        return made("gent", m, d)
+        return made("gent", m, [d])
     if said == "FOAM" and n in (1, 2):
         values = table.first(3 * n)
         betas = values[2 * n :]
@@ -161,7 +187,7 @@ def _law(name: str, table: Table) -> tuple[Given, float]:
             mu, a = values[2 * k : 2 * k + 2] if k < n else (0.0, -2.0)
             terms += [mu * a / 2, a, ratios[min(k, n - 1)]]
         given = Given("ansys", name, "hyperfoam", tuple(terms), poisson=ratios[0])
-        return given, 0.0
+        return given, [0.0]
     raise InputError(
         f"{table.where}: TB,HYPER with {table.option[:20] or 'no law'} of {n} "
         "constants is not read; NEO, MOONEY of 2, YEOH and OGDEN up to 3, BOYCE, "

@@ -14,13 +14,21 @@ from xml.parsers import expat
 
 import numpy as np
 
-from softnn.cards.given import Given, compressible, numbers, text_of, unit_of
+from softnn.cards.given import (
+    INCOMPRESSIBLE,
+    Given,
+    compressible,
+    numbers,
+    text_of,
+    unit_of,
+)
 from softnn.contracts import InputError
 from softnn.models.hyperelastic import LAWS
 
 TERMS = range(1, 7)
 SERIES = ("uncoupled viscoelastic", "viscoelastic")
-NO_STRESS = {"density"}
+# Which law of the volume does not count where it hardly changes.
+NO_STRESS = {"density", "pressure_model"}
 _COMMENT = re.compile(r"<!--(.{0,2000}?)-->", re.S)
 
 
@@ -76,6 +84,8 @@ def _material(name: str, node: ElementTree.Element) -> Given:
         inner = found
         g, t = (_values(node, x, name) for x in "gt")
         lasting = _value(node, "g0", name, 1.0)
+        if lone := [k for k in sorted(g) if g[k] and k not in t]:
+            raise InputError(f"material {name}: <t{lone[0]}> is missing")
         pairs = [(g[k], t[k]) for k in sorted(g) if g[k]]
         whole = lasting + sum(x for x, _ in pairs)
         shares = tuple(x / whole for x, _ in pairs)
@@ -87,10 +97,19 @@ def _material(name: str, node: ElementTree.Element) -> Given:
             name,
         )
     law, moduli, bulk = _law(name, inner)
+    if not bulk and node is not inner:
+        bulk = _value(node, "k", name, 0.0)
     given = Given("febio", name, law, LAWS[law].scaled(tuple(moduli), lasting))
     given = replace(given, shares=shares, times_s=times)
     # The bulk modulus of an uncoupled material does not relax.
-    return compressible(given, bulk * lasting, kind == "viscoelastic")
+    coupled = kind == "viscoelastic"
+    read = compressible(given, bulk * (lasting if coupled else 1.0), coupled)
+    if read.poisson < INCOMPRESSIBLE:
+        raise InputError(
+            f"material {name} has a Poisson ratio of {read.poisson:.4g}; laws of FEBio "
+            f"are read from {INCOMPRESSIBLE} on, as it has volume terms of its own"
+        )
+    return read
 
 
 def _law(name: str, node: ElementTree.Element) -> tuple[str, list[float], float]:

@@ -18,8 +18,10 @@ from softnn.model_file import Stored, from_dict, to_dict
 from softnn.models.hyperelastic import LAWS, PRONY, Hyper, Values
 
 INCOMPRESSIBLE = 0.49  # Poisson ratio; above it the stress of a strip hardly depends
+OWN_VOLUME = ("arruda-boyce", "gent")  # other volume terms in Abaqus and Ansys
 LARGEST = 20_000_000  # bytes of a card, with all that it includes
 PER_DECADE = 2  # relaxation times in a series for relaxation data
+HELD = 1e4  # weight of a lasting modulus that the card gives
 SMALL = 1e-6  # of the relaxation; a smaller share is none
 WIDE = 10.0  # strain to which a card is taken to hold, until recordings say more
 _UNIT = re.compile(r"\b(MPa|N/mm\^?2|N, ?mm|kPa|GPa|psi|Pa)\b")
@@ -57,6 +59,11 @@ class Given:
             )
         if any(not t > 0 for t in self.times_s):
             raise InputError(f"material {self.name}: relaxation times are above 0 s")
+        exponents = zip(LAWS[self.law].moduli, self.moduli, strict=True)
+        if any(
+            name.startswith("ALPHA") and not value for (name, _), value in exponents
+        ):
+            raise InputError(f"material {self.name}: an exponent of its law is 0")
         if self.mullins is not None:
             r, m, beta = self.mullins
             if not (r > 1 and m >= 0 and beta >= 0 and m + beta > 0):
@@ -116,10 +123,20 @@ def compressible(given: Given, bulk: float, relaxes: bool) -> Given:
     `relaxes`: whether the bulk modulus relaxes by the same series. Raises `InputError`
     where only a simulation in space would tell the stress.
     """
+    if LAWS[given.law].foam and given.shares and not relaxes:
+        raise InputError(
+            f"material {given.name} is a foam, which relaxes as a whole: give the bulk "
+            "the shares and times of the shear"
+        )
+    if given.mullins is not None and given.shares:
+        note = (
+            "the Mullins effect is taken to soften all stress, by the energy before it "
+            "relaxes; your code may soften the lasting part alone"
+        )
+        given = replace(given, notes=(*given.notes, note))
     if not bulk > 0:
         return given
-    shear = given.young / 3
-    poisson = (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
+    poisson = _poisson(given.young, bulk)
     if poisson >= INCOMPRESSIBLE:
         note = f"Poisson ratio {poisson:.5g}, taken as incompressible"
         return replace(given, notes=(*given.notes, note))
@@ -129,7 +146,34 @@ def compressible(given: Given, bulk: float, relaxes: bool) -> Given:
             "for shear alone, which softnn does not simulate; it takes ratios from "
             f"{INCOMPRESSIBLE} on, or a bulk series equal to that of shear"
         )
-    return replace(given, poisson=float(poisson))
+    notes = given.notes
+    if given.law in OWN_VOLUME:
+        notes = *notes, f"volume term taken as (J - 1)^2, which {given.law} has not"
+    return replace(given, poisson=float(poisson), notes=notes)
+
+
+def _poisson(young: float, bulk: float) -> float:
+    """Return the Poisson ratio of a law whose shear modulus is young / 3."""
+    return (9 * bulk - 2 * young) / (2 * (9 * bulk + young))
+
+
+def bulk_of(given: Given, d: Sequence[float], where: str) -> float:
+    """Return the bulk modulus, 2 / d, of a card's own volume terms (0: incompressible).
+
+    The volume terms are d_i, of (J - 1)^(2 i) / d_i. Raises `InputError` for those that
+    the model does not hold and that change the stress.
+    """
+    if any(x < 0 for x in d):
+        raise InputError(f"{where}: D or d is {min(d):.4g}; it is 0 or more")
+    if not d[0]:
+        return 0.0
+    bulk = 2 / d[0]
+    if _poisson(given.young, bulk) < INCOMPRESSIBLE and any(d[1:]):
+        raise InputError(
+            f"{where}: more than one volume term (D2, D3) is not read where the "
+            f"Poisson ratio is below {INCOMPRESSIBLE}"
+        )
+    return bulk
 
 
 def unit_of(text: str) -> str:
@@ -143,11 +187,14 @@ def unit_of(text: str) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def series_for(time_s: Array, modulus: Array) -> tuple[Values, Values, float]:
+def series_for(
+    time_s: Array, modulus: Array, lasting: float | None = None
+) -> tuple[Values, Values, float]:
     """Return shares and times of a Prony series for relaxation data, and its error.
 
-    `modulus` is over that at time 0. Least squares with shares of 0 or more, at fixed
-    times; the error is the largest difference.
+    `modulus` is over that at time 0, and so is `lasting`, to which it falls, where that
+    is known. Least squares with shares of 0 or more, at fixed times; the error is the
+    largest difference.
     """
     good = time_s > 0
     time_s, modulus = time_s[good], modulus[good]
@@ -160,7 +207,11 @@ def series_for(time_s: Array, modulus: Array) -> tuple[Values, Values, float]:
     count = max(int(np.ceil(PER_DECADE * np.log10(last / first))), 1) + 1
     times = np.geomspace(first, last, count)
     columns = -np.expm1(-time_s[:, None] / times)
-    shares, _ = nnls(columns, 1 - modulus)
+    rows, values = columns, 1 - modulus
+    if lasting is not None:
+        rows = np.vstack([columns, np.full(count, HELD)])
+        values = np.append(values, HELD * (1 - lasting))
+    shares, _ = nnls(rows, values)
     off = float(np.abs(1 - columns @ shares - modulus).max())
     kept = shares > SMALL
     return tuple(shares[kept].tolist()), tuple(times[kept].tolist()), off

@@ -73,16 +73,23 @@ def with_unit(card: Given, strain: Array, stress_MPa: Array) -> Given:
     """Return the card with its unit, told by recordings where the file does not say it.
 
     Exactly one unit must bring the card to within `NEAR` times the stress recorded;
-    else `InputError` asks for it.
+    else `InputError` asks for it. A unit that the file says stays, with a note where
+    another one alone comes near: a comment may tell of something else.
     """
-    if card.unit:
-        return card
     good = np.isfinite(strain) & np.isfinite(stress_MPa)
     model = card.base().curve(strain[good]) * card.young
     size = float(np.linalg.norm(stress_MPa[good])) / max(
         float(np.linalg.norm(model)), 1e-300
     )
     fits = [u for u, one in UNITS.items() if 1 / NEAR < size / one < NEAR]
+    if card.unit:
+        if len(fits) != 1 or card.unit in fits:
+            return card
+        note = (
+            f"stresses of the card are said to be in {card.unit}, and {fits[0]} alone "
+            f"comes near the recordings; if that is meant, say --card-unit {fits[0]}"
+        )
+        return replace(card, notes=(*card.notes, note))
     if len(fits) != 1:
         why = f"{' and '.join(fits)} would do" if fits else "none brings it near"
         raise InputError(
