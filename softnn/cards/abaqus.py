@@ -1,4 +1,4 @@
-"""Materials of an Abaqus input file: hyperelastic laws, Prony series, Mullins effect.
+"""Materials of an Abaqus input file: hyperelastic laws, Prony series, softening, flow.
 
 Keywords and data lines as in the Abaqus Keywords Reference. Nothing is guessed: an
 option or keyword that changes the stress and is not known raises `InputError`.
@@ -22,6 +22,8 @@ from softnn.cards.given import (
     unit_of,
 )
 from softnn.contracts import InputError
+from softnn.models.bergstrom_boyce import XI
+from softnn.models.hyperelastic import LAWS as HYPERELASTIC
 
 DEEPEST = 8  # files that include files
 # Keywords of a material that do not change the stress of a test at one temperature.
@@ -122,8 +124,8 @@ def blocks(
         yield now
 
 
-_ONCE = {"hyperelastic", "viscoelastic", "mullinseffect"}
-_READ = {"hyperelastic", "hyperfoam", "viscoelastic", "mullinseffect", *SERIES}
+_ONCE = {"hyperelastic", "viscoelastic", "mullinseffect", "hysteresis"}
+_READ = {*_ONCE, "hyperfoam", *SERIES}
 
 
 def _plain(text: str) -> str:
@@ -148,7 +150,7 @@ def _material(name: str, parts: list[Block]) -> Given:
     d: list[float] = [0.0]
     law_at = ""
     series: tuple[list[float], list[float], list[float]] = ([], [], [])
-    mullins = None
+    mullins = hysteresis = None
     awaited: Block | None = None
     words = [b.word.replace("hyperfoam", "hyperelastic") for b in parts]
     for block in parts:
@@ -191,6 +193,8 @@ def _material(name: str, parts: list[Block]) -> Given:
             )
         elif block.word == "mullinseffect":
             mullins = _mullins(block)
+        elif block.word == "hysteresis":
+            hysteresis = _hysteresis(block)
         elif block.word in NO_STRESS:
             notes.append(f"not read: *{block.word.upper()}")
         else:
@@ -203,19 +207,21 @@ def _material(name: str, parts: list[Block]) -> Given:
     if awaited is not None and not series[0]:
         raise InputError(f"{awaited.where}: no *SHEAR TEST DATA that relaxes follows")
     g, k, tau = series
+    if hysteresis is not None and not lasting:  # moduli of both networks together
+        factor = 1 / (1 + hysteresis[0])
+        law = replace(law, moduli=HYPERELASTIC[law.law].scaled(law.moduli, factor))
     given = replace(
         law,
         shares=tuple(g),
         times_s=tuple(tau),
         mullins=mullins,
+        hysteresis=hysteresis,
         notes=(*law.notes, *notes),
     )
     bulk = bulk_of(law, d, law_at)
     if lasting and g:
         factor = 1 / (1 - sum(g))
-        from softnn.models.hyperelastic import LAWS as ALL
-
-        given = replace(given, moduli=ALL[law.law].scaled(law.moduli, factor))
+        given = replace(given, moduli=HYPERELASTIC[law.law].scaled(law.moduli, factor))
         if not sum(k) < 1:
             raise InputError(f"material {name}: shares of bulk add up to {sum(k):.4g}")
         bulk /= 1 - sum(k)
@@ -257,6 +263,22 @@ def _mullins(block: Block) -> tuple[float, float, float]:
         )
     r, m, beta = block.rows[0][:3]
     return r, m, beta
+
+
+def _hysteresis(block: Block) -> tuple[float, float, float, float]:
+    """Return S, A, m and C of the Bergström-Boyce model."""
+    values = [x for row in block.rows for x in row]
+    if block.options or len(values) not in (4, 5) or {*values[4:]} - {XI}:
+        raise InputError(
+            f"{block.where}: *HYSTERESIS is read with one line of S, A, m and C; E is "
+            f"{XI:g} or left out"
+        )
+    s, a, m, c = values[:4]
+    if not (s > 0 and a > 0):
+        raise InputError(
+            f"{block.where}: S is {s:.6g} and A is {a:.6g}; both are above 0"
+        )
+    return s, a, m, c
 
 
 def _data(block: Block, count: int) -> list[float]:

@@ -15,6 +15,8 @@ from softnn.contracts import Array, InputError
 from softnn.effects import effect
 from softnn.fit import Guess, Piece
 from softnn.model_file import Stored, from_dict, to_dict
+from softnn.models import bergstrom_boyce
+from softnn.models.bergstrom_boyce import BergstromBoyce
 from softnn.models.hyperelastic import LAWS, PRONY, Hyper, Values
 
 INCOMPRESSIBLE = 0.49  # Poisson ratio; above it the stress of a strip hardly depends
@@ -32,8 +34,9 @@ class Given:
     """A card. Moduli are of the law before it relaxes, in the unit of the card.
 
     `shares` and `times_s` are of the Prony series. `mullins` are r, m and beta of Ogden
-    and Roxburgh. `unit` is that of a stress, "" where the file does not say it. `notes`
-    name keywords that were passed over, and inferences.
+    and Roxburgh. `hysteresis` are S, A, m and C of Abaqus; moduli are then those of the
+    first network. `unit` is that of a stress, "" where the file does not say it.
+    `notes` name keywords that were passed over, and inferences.
     """
 
     dialect: str  # of `softnn.cards.written.WRITERS`
@@ -44,6 +47,7 @@ class Given:
     shares: Values = ()
     times_s: Values = ()
     mullins: tuple[float, float, float] | None = None
+    hysteresis: tuple[float, float, float, float] | None = None
     unit: str = ""
     notes: tuple[str, ...] = ()
     refit: bool = False  # whether a diagnosis may fit its moduli
@@ -72,6 +76,14 @@ class Given:
                     f"{r:.4g}, {m:.4g}, {beta:.4g}; r is above 1, the others 0 or more"
                 )
         LAWS[self.law].unit(self.moduli)  # raises unless the modulus is above 0
+        if self.hysteresis is not None:
+            alone = not self.shares and self.mullins is None and self.poisson == 0.5
+            if self.law != bergstrom_boyce.LAW.name or not alone:
+                raise InputError(
+                    f"material {self.name}: *HYSTERESIS is read with an incompressible "
+                    "ARRUDA-BOYCE law, without a Prony series or a Mullins effect"
+                )
+            self.base()  # raises unless its numbers are in range
 
     @property
     def young(self) -> float:
@@ -83,12 +95,21 @@ class Given:
         """What the card is, in a few words."""
         terms = len(self.shares)
         series = [f"{terms} Prony term{'s'[: terms != 1]}"] if terms else []
+        series += ["hysteresis"] * (self.hysteresis is not None)
         more = " and ".join(series + ["Mullins effect"] * (self.mullins is not None))
         return f"{LAWS[self.law].said} card" + (f" with {more}" if more else "")
 
-    def base(self, reach: tuple[float, float] = (-0.95, WIDE)) -> Hyper:
-        """Return its law with its series, for strains of this range."""
+    def base(
+        self, reach: tuple[float, float] = (-0.95, WIDE)
+    ) -> Hyper | BergstromBoyce:
+        """Return its law with its series or its flow, for strains of this range."""
         law = LAWS[self.law]
+        if self.hysteresis is not None:
+            ratio, creep, *exponents = self.hysteresis
+            second = ratio * self.young
+            return bergstrom_boyce.of_creep(
+                creep, second, (exponents[0], exponents[1]), self.moduli[1], reach
+            )
         name = self.law + (PRONY if self.shares else "")
         unit = law.unit(self.moduli)
         return Hyper(
@@ -99,7 +120,8 @@ class Given:
         """Return the card as a model in MPa, given the unit of its stresses."""
         young = self.young * UNITS[unit]
         lasting = 1 - sum(self.shares)
-        stiffness = young * np.array([lasting, *self.shares])
+        second = () if self.hysteresis is None else self.hysteresis[:1]
+        stiffness = young * np.array([lasting, *self.shares, *second])
         pieces: tuple[Piece, ...] = ()
         if self.mullins is not None:
             r, m, beta = self.mullins

@@ -99,6 +99,8 @@ def _share(stress: Array, whole: Array) -> float:
 def card_stress(made: Card, chunk: Chunk) -> Array:
     """Return the nominal stress (n,), MPa, of a finite-element code with the card."""
     strain = np.asarray(chunk.strain, float)
+    if made.flows is not None:
+        return simulate(made.flows, [made.young, made.second_MPa], [], [chunk])[0]
     stretch: Array = 1 + np.maximum(strain, -0.95)  # no length is left at -1
     left: Array | float = 1.0
     if made.mullins is not None:

@@ -77,7 +77,7 @@ def with_unit(card: Given, strain: Array, stress_MPa: Array) -> Given:
     another one alone comes near: a comment may tell of something else.
     """
     good = np.isfinite(strain) & np.isfinite(stress_MPa)
-    model = card.base().curve(strain[good]) * card.young
+    model = card.base().undamped(strain[good]) * card.young
     size = float(np.linalg.norm(stress_MPa[good])) / max(
         float(np.linalg.norm(model)), 1e-300
     )

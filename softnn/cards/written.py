@@ -4,7 +4,7 @@ Both codes let one curve, the instantaneous one, relax by a Prony series: a bran
 stands in proportion to the spring at every strain. Here branches are linear and the
 spring is not, so shares are taken that fit the lasting curve best, and the card says
 how far its lasting curve is off. A hyperelastic base is the card's own law, and loses
-nothing. Units N, mm, s, MPa.
+nothing; so is a Bergström-Boyce base in Abaqus. Units N, mm, s, MPa.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import softnn
 from softnn.cards.texts import described, remark
 from softnn.contracts import Array, Effect, InputError
 from softnn.model_file import Stored
+from softnn.models.bergstrom_boyce import BergstromBoyce
 from softnn.models.hyperelastic import Hyper, Values, bulk
 from softnn.neural import StoredNetwork
 
@@ -34,7 +35,8 @@ class Card:
     `lasting_error` is the largest distance of the card's relaxed curve from the
     model's, over the largest stress of that. `missing` are lines on what the card
     lacks, `left_out` the places of the effects among them in the model. `of_test` are
-    the ids of effects of the rig and the sensors, which no material has.
+    the ids of effects of the rig and the sensors, which no material has. `flows` is the
+    base of a card whose second network flows; the law is then that of the first.
     """
 
     strain: Array
@@ -48,6 +50,8 @@ class Card:
     of_test: tuple[str, ...] = ()
     law: Hyper | None = None
     moduli: Values = ()  # of the law before it relaxes, in MPa
+    flows: BergstromBoyce | None = None
+    second_MPa: float = 0.0  # initial Young's modulus of the network that flows
 
     @property
     def young(self) -> float:
@@ -87,6 +91,10 @@ def card(model: Stored | StoredNetwork) -> Card:
     strain = strain[strain > -0.95]  # no length is left at -1
     springs = model.stiffness[: units.segments]
     branches = model.stiffness[units.segments :]
+    flows = units if isinstance(units, BergstromBoyce) else None
+    second = float(branches.sum())
+    if flows is not None:  # its second network is no series, and has its own keyword
+        branches = np.zeros(len(branches))
     used = np.flatnonzero(branches)
     scale = np.prod(
         [1 + np.mean(p.values["error"]) for p in model.pieces if p.effect.scatter]
@@ -94,7 +102,8 @@ def card(model: Stored | StoredNetwork) -> Card:
     lasting = units.springs(strain) @ springs * scale
     whole = lasting + branches.sum() * units.undamped(strain) * scale
     law = units if isinstance(units, Hyper) else None
-    young = model.stiffness.sum() * scale
+    law = law if flows is None else flows.elastic
+    young = (springs.sum() + branches.sum()) * scale
     if not np.isfinite(whole).all() or not (np.diff(whole) > 0).all():
         raise InputError(
             "the curve does not rise with strain; a card needs one that does"
@@ -114,7 +123,8 @@ def card(model: Stored | StoredNetwork) -> Card:
         effect, p = piece.effect, piece.values
         if effect.stage != "material":  # the scale is in the curve
             continue
-        if effect.form in MULLINS and softening is None and 0 < p["depth"] < 1:
+        carried = effect.form in MULLINS and softening is None and flows is None
+        if carried and 0 < p["depth"] < 1:
             if "energy_MPa" in p:  # of the lasting part
                 energy = p["energy_MPa"] / max(fits, LEAST)
                 softening = 1 / p["depth"], energy, p["sharpness"]
@@ -139,6 +149,8 @@ def card(model: Stored | StoredNetwork) -> Card:
         tuple(p.effect.id for p in model.pieces if of_test(p.effect)),
         law,
         () if law is None else law.law.scaled(law.moduli, young),
+        flows,
+        second * scale,
     )
 
 
@@ -253,7 +265,7 @@ def _abaqus_law(made: Card, moduli: str) -> list[str]:
 
 
 def abaqus(model: Stored | StoredNetwork, name: str) -> str:
-    """`*Material` for an input file: Marlow, Prony series, Mullins effect."""
+    """`*Material` for an input file: its law, Prony series, flow, Mullins effect."""
     made = card(model)
     assert isinstance(model, Stored)
     out = [f"** {line}" for line in _head(model, made, "Abaqus")]
@@ -268,9 +280,23 @@ def abaqus(model: Stored | StoredNetwork, name: str) -> str:
             f"{g:.9g}, {f'{g:.9g}' if alike else '0.'}, {t:.9g}"
             for g, t in zip(made.shares, made.times_s, strict=True)
         ]
+    if made.flows is not None and made.second_MPa:
+        flows, ratio = made.flows, made.second_MPa / made.young
+        creep = flows.creep_parameter(made.second_MPa)
+        exponents = flows.stress_exponent, flows.strain_exponent
+        out += ["*Hysteresis", _row((ratio, creep, *exponents))]
     if made.mullins:
         out += ["*Mullins Effect", _row(made.mullins)]
     return "\n".join(out) + "\n"
+
+
+def _for_abaqus(made: Card) -> None:
+    """Raise `InputError` if a card is of a flow, which Abaqus alone has here."""
+    if made.flows is not None:
+        raise InputError(
+            f"a {made.flows.name} base has a card for Abaqus alone; write it --to "
+            "abaqus, or diagnose with --model arruda-boyce-prony"
+        )
 
 
 def _ansys_law(made: Card) -> list[str]:
@@ -313,6 +339,7 @@ def febio(model: Stored | StoredNetwork, name: str) -> str:
     """`<material>` for a FEBio file: the law with its Prony series."""
     made = card(model)
     assert isinstance(model, Stored)
+    _for_abaqus(made)
     if made.mullins is not None:
         lost = f"Mullins effect: r, m, beta {_row(made.mullins)}"
         made = replace(made, mullins=None, missing=(*made.missing, lost))
@@ -380,6 +407,7 @@ def ansys(model: Stored | StoredNetwork, name: str) -> str:
     """Commands for Mechanical APDL: response function, Prony series, Mullins effect."""
     made = card(model)
     assert isinstance(model, Stored)
+    _for_abaqus(made)
     out = [f"! {line}" for line in _head(model, made, "Ansys")]
     out += [
         f"! material {name}: set MATID before, for example MATID=1",

@@ -15,7 +15,7 @@ from softnn import readers
 from softnn.cards import UNITS
 from softnn.contracts import InputError, nearest
 from softnn.json_file import plain, write
-from softnn.models import hyperelastic, units
+from softnn.models import bergstrom_boyce, hyperelastic, units
 from softnn.readers.arguments import add_options, options_of
 
 if TYPE_CHECKING:
@@ -45,9 +45,9 @@ def add_diagnose(commands: Any) -> None:
         help=f"the base (default: as the case says, else its simulated_MPa, else "
         f"pl-wiechert), or a model.json. Bases: {', '.join(units.BASES)}; the "
         f"hyperelastic laws {', '.join(hyperelastic.LAWS)}, each alone or with "
-        "-prony. Options of these: yeoh-prony:shear, hyperfoam:nu=0.3. auto: the one "
-        "that predicts recordings left out best. A material card: an Abaqus .inp, an "
-        "Ansys .mac, a FEBio .feb, or FILE#MATERIAL",
+        f"-prony; {bergstrom_boyce.NAME}. Options of laws: yeoh-prony:shear, "
+        "hyperfoam:nu=0.3. auto: the one that predicts recordings left out best. A "
+        "material card: an Abaqus .inp, an Ansys .mac, a FEBio .feb, or FILE#MATERIAL",
     )
     parser.add_argument(
         "--refit",

@@ -26,7 +26,7 @@ from softnn.mismatch.learn import learn
 from softnn.mismatch.own_card import OwnCard, answer, notes, own_card, started
 from softnn.mismatch.plan import Plan
 from softnn.model_file import Correction, Stored, from_dict, in_units, to_dict
-from softnn.models import hyperelastic
+from softnn.models import bergstrom_boyce, hyperelastic
 from softnn.models.bases import check
 from softnn.recording import Recording
 
@@ -277,7 +277,7 @@ def _start(case: Case, model: str | None, axes: Axes, own: OwnCard | None) -> Ba
     if (
         axes.component
         and model is not None
-        and model.split(":")[0] in hyperelastic.NAMES
+        and model.split(":")[0] in (*hyperelastic.NAMES, bergstrom_boyce.NAME)
     ):
         raise InputError(
             f"model is {model!r}; a hyperelastic law needs strains, and these are "

@@ -27,6 +27,7 @@ from softnn.mismatch.base import (
 from softnn.mismatch.case import Case, to_data
 from softnn.mismatch.verify import nrmse_of
 from softnn.model_file import Stored
+from softnn.models.bergstrom_boyce import BergstromBoyce
 from softnn.models.hyperelastic import Hyper
 
 
@@ -75,7 +76,7 @@ def started(case: Case, own: OwnCard, one: float) -> Baseline:
     `one` is the stress in MPa that counts as 1 in the case.
     """
     units = own.model.units
-    assert isinstance(units, Hyper)
+    assert isinstance(units, Hyper | BergstromBoyce)
     if own.given.refit:
         return start(case, units)
     data, fine, few = (to_data(usable(case, n)) for n in (SEARCH, REPORT, COARSE))

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from softnn.contracts import InputError, nearest
-from softnn.models import hyperelastic, units
+from softnn.models import bergstrom_boyce, hyperelastic, units
 from softnn.models.base import Base
 
-BASES = (*units.BASES, *hyperelastic.NAMES)
+BASES = (*units.BASES, *hyperelastic.NAMES, bergstrom_boyce.NAME)
 LARGEST = 1e30  # larger numbers in a file are junk
 
 
@@ -36,6 +36,8 @@ def build(
     check(name)
     if name.split(":")[0] in hyperelastic.NAMES:
         return hyperelastic.build(name, strain_low, strain_high, interval_s, duration_s)
+    if name == bergstrom_boyce.NAME:
+        return bergstrom_boyce.build(strain_low, strain_high, interval_s, duration_s)
     return units.build(name, strain_low, strain_high, interval_s, duration_s, segments)
 
 
@@ -47,6 +49,8 @@ def from_dict(given: Mapping[str, Any]) -> Base:
     times = tuple(number(t) for t in given["relaxation_times_s"])
     if name in hyperelastic.NAMES:
         return hyperelastic.from_dict(given, times)
+    if name == bergstrom_boyce.NAME:
+        return bergstrom_boyce.from_dict(given, times)
     return units.Units(name, tuple(number(k) for k in given["knots"]), times)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from softnn.axes import Axes
 from softnn.contracts import Array, Effect
 from softnn.effects import effect
-from softnn.models import hyperelastic
+from softnn.models import bergstrom_boyce, hyperelastic
 from softnn.report.phrases import listed, number, opened, plain
 
 ROWS = 40  # of the table of regions
@@ -40,6 +40,7 @@ BASES = {
     "pl-wiechert": "PL-Wiechert: a piecewise-linear spring beside several springs and "
     "dashpots",
     **hyperelastic.SAID,
+    bergstrom_boyce.NAME: bergstrom_boyce.SAID,
 }
 
 
