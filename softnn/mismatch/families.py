@@ -9,13 +9,14 @@ from softnn.fit import fit
 from softnn.mismatch.base import DEFAULT, Baseline, start
 from softnn.mismatch.case import Case
 from softnn.mismatch.prediction import Candidate, Judge, alike
-from softnn.models import hyperelastic
+from softnn.models import bergstrom_boyce, hyperelastic
 
 AUTO = "auto"
 # Three terms of Ogden's law have more freedom than tests in one mode can settle.
 TRIED = (
     DEFAULT,
     *(f"{law}{hyperelastic.PRONY}" for law in hyperelastic.LAWS if law != "ogden3"),
+    bergstrom_boyce.NAME,
 )
 
 
@@ -25,7 +26,7 @@ REFITTED = 3  # families whose errors come from refits; of the others one step d
 def chosen(case: Case, component: bool) -> Baseline:
     """Return the base that predicts best, with the errors of all in its notes.
 
-    `component`: deflections are no strains, so hyperelastic laws take no part.
+    `component`: deflections are no strains, so laws of large strain take no part.
     """
     names = (DEFAULT,) if component else TRIED
     progress.part("families of bases", len(names))

@@ -17,8 +17,6 @@ the paper's rate constant. At small strain, with m = 1 and C = 0, network B is a
 branch of that time; else it has that time where :math:`\sigma_B/E_B` and the viscous
 chain strain are r = 0.1. The flow depends on stress over modulus, so the stresses of
 both networks are linear in their moduli.
-
-`--model auto` does not try this base: see `softnn.mismatch.families`.
 """
 
 from __future__ import annotations
@@ -40,6 +38,7 @@ SAID = "Bergström-Boyce: two eight-chain networks, one of which flows"
 LAW = LAWS["arruda-boyce"]
 XI = 0.01  # keeps the flow finite at rest; the usual value
 REFERENCE = 0.1  # r
+ACCURACY = 2e-7  # of the largest logarithmic strain: error of a step of the flow
 PARAMETERS = (
     Parameter("relaxation_time", "s", 1e-12, 1e12, 1.0, "log", "tau"),
     Parameter("stress_exponent", "-", 1.0, 20.0, 4.0, "log", "m"),
@@ -181,8 +180,7 @@ class BergstromBoyce(Base):
         last, viscous = last.copy(), viscous.copy()
         out = np.zeros(stretch.shape)
         for steps, modulus in zip(decays[0].T, stiffness, strict=True):
-            terms, law = self._terms, self._flow
-            network(terms, law, steps, stretch, last, viscous, out)
+            network(self._terms, *self._flow, steps, stretch, last, viscous, out)
             out *= modulus
         return out, (last, viscous)
 
@@ -193,8 +191,11 @@ class BergstromBoyce(Base):
         return mu * POWERS * CHAIN / limit ** (2.0 * POWERS - 2)
 
     @property
-    def _flow(self) -> tuple[float, float, float, float]:
-        return self.stress_exponent, self.strain_exponent, XI, REFERENCE
+    def _flow(self) -> tuple[tuple[float, float, float, float], float]:
+        """Numbers of the flow, and the error that a step of it may have."""
+        largest = np.abs(np.log(np.maximum(1 + np.array(self.strain), THINNEST))).max()
+        law = self.stress_exponent, self.strain_exponent, XI, REFERENCE
+        return law, ACCURACY * float(largest)
 
     # -- how it is written elsewhere ---------------------------------------------------
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-TOLERANCE = 1e-7  # logarithmic strain: error of one step
 MOST = 3000  # steps between two samples
 HALVINGS = 60
 TINY = 1e-14
@@ -52,12 +51,12 @@ def flow(terms, law, total, viscous):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def over(terms, law, first, last, length, viscous):
+def over(terms, law, tolerance, first, last, length, viscous):
     """Viscous strain after a step in which the stretch goes straight.
 
     `length` is over the relaxation time. By Shampine and Reichelt's Rosenbrock formula
     of order 2, which damps whatever is fast (1997, doi:10.1137/S1064827594276424), in
-    steps as long as their error allows.
+    steps as long as the tolerance of their error allows.
     """
     at, h, slope = 0.0, 1.0, last - first
     for _ in range(MOST):
@@ -74,11 +73,11 @@ def over(terms, law, first, last, length, viscous):
         f2 = length * flow(terms, law, np.log(stretch + h * slope), new)[0]
         k3 = (f2 - E32 * (k2 - f1) - 2 * (k1 - f0) + drive) / w
         error = abs(h / 6 * (k1 - 2 * k2 + k3))
-        if error <= TOLERANCE:
+        if error <= tolerance:
             viscous, at = new, at + h
             if at > 1 - TINY:
                 return viscous
-        wider = 0.8 * (TOLERANCE / max(error, TINY)) ** (1 / 3)
+        wider = 0.8 * (tolerance / max(error, TINY * tolerance)) ** (1 / 3)
         h *= min(max(wider, 0.1), 5.0) if error < np.inf else 0.1
         h = min(h, 1 - at)
     return relaxed(terms, law, np.log(last), (1 - at) * length, viscous)
@@ -103,11 +102,12 @@ def relaxed(terms, law, total, length, viscous):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def network(terms, law, length, stretch, last, viscous, out):
+def network(terms, law, tolerance, length, stretch, last, viscous, out):
     """Nominal stress (n, sets) of the network that flows, for stretches (n, sets).
 
-    length (n,): steps over the relaxation time. last and viscous (sets,): the stretch
-    and the logarithmic viscous strain before; they are left at the end.
+    length (n,): steps over the relaxation time. tolerance: of logarithmic strain, a
+    step. last and viscous (sets,): the stretch and the logarithmic viscous strain
+    before; they are left at the end.
     """
     samples, sets = stretch.shape
     for s in range(sets):
@@ -115,7 +115,7 @@ def network(terms, law, length, stretch, last, viscous, out):
         for i in range(samples):
             now = stretch[i, s]
             if length[i] > 0:
-                v = over(terms, law, before, now, length[i], v)
+                v = over(terms, law, tolerance, before, now, length[i], v)
             out[i, s] = elastic(terms, np.log(now) - v)[0] / now
             before = now
         last[s], viscous[s] = before, v
