@@ -15,7 +15,7 @@ from softnn.cards.written import WRITERS, card
 from softnn.cli import main
 from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
-from softnn.fit import Guess, Piece
+from softnn.fit import Data, Engine, Guess, Piece
 from softnn.json_file import write
 from softnn.mismatch.base import start
 from softnn.mismatch.case import case_of
@@ -164,6 +164,14 @@ def recordings(scale=1.0, noise=1e-3):
         stress = stress + noise * rng.standard_normal(len(stress))
         out.append(Recording(chunk.time_s, chunk.strain, scale * stress, name=name))
     return out
+
+
+def test_an_engine_that_knows_a_branch_of_the_same_time_keeps_them_apart():
+    chunk = sampled(np.linspace(0, 300, 301))
+    engine = Engine(Data(("a",), (chunk,), (np.zeros(301),)))
+    engine.run(Guess(Units("sls", (0.0, 1.0), (5.0,)), np.array(MODULI)), False)
+    found, _ = engine.run(Guess(BASE, np.array(MODULI)), False)
+    np.testing.assert_allclose(found, simulate(BASE, MODULI, [], [chunk])[0])
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3])

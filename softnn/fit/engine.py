@@ -190,9 +190,9 @@ class Engine:
         """Return decay and gain of the branches in recording r, each (n, branches).
 
         `last` is the time [s] at which the recording before ended, if this one goes on.
-        Results are cached by relaxation times and recording.
+        Results are cached by family of bases, relaxation times and recording.
         """
-        key = (units.relaxation_times, r)
+        key = (type(units), units.relaxation_times, r)
         if key not in self._cache:
             self._keep(key, units.decays(time_s, last))
         found: tuple[Array, Array] = self._cache[key]

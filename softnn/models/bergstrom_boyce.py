@@ -56,9 +56,9 @@ class BergstromBoyce(Base):
 
     >>> base = BergstromBoyce((2.0,), 1.0, 0.0, 3.0, (0.0, 0.01))
     >>> from softnn.contracts import Chunk
-    >>> hold = Chunk(np.array([0.0, 2.0]), np.array([1e-3, 1e-3]))
-    >>> (1e3 * base.respond(hold)[1]).round(3).ravel().tolist()
-    [0.999, 0.368]
+    >>> hold = Chunk(np.array([0.0, 2.0]), np.array([1e-4, 1e-4]))
+    >>> (1e4 * base.respond(hold)[1]).round(3).ravel().tolist()
+    [1.0, 0.368]
     """
 
     relaxation_times: tuple[float, ...]
