@@ -304,6 +304,7 @@ def test_a_card_carries_the_scale_of_the_stress_and_names_what_it_lacks():
     assert loss(scaled, card(scaled)).whole < 1e-9
     text = WRITERS["abaqus"][1](scaled, "m")
     assert "nothing else of the model is missing" in text
+    assert "instantaneous" not in text
     # The same strain at 1.25 times the stress flows alike: A falls with stress^m.
     (row,) = (x for x in text.splitlines() if x.startswith("1.6,"))
     plain = BASE.creep_parameter(MODULI[1])

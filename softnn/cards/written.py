@@ -4,7 +4,7 @@ Both codes let one curve, the instantaneous one, relax by a Prony series: a bran
 stands in proportion to the spring at every strain. Here branches are linear and the
 spring is not, so shares are taken that fit the lasting curve best, and the card says
 how far its lasting curve is off. A hyperelastic base is the card's own law, and loses
-nothing; so is a Bergström-Boyce base in Abaqus. Units N, mm, s, MPa.
+nothing; neither does a Bergström-Boyce base, whose card is for Abaqus alone. Units N, mm, s, MPa.
 """
 
 from __future__ import annotations
@@ -189,10 +189,11 @@ def _unlike(p: dict) -> list[str]:
 def _head(model: Stored, made: Card, code: str) -> list[str]:
     """Return the lines above a card: its model, and the effects that it lacks."""
     low, high = made.strain[0], made.strain[-1]
+    of = "instantaneous" if made.flows is None else "of the network that lasts"
     lines = [
         f"{code} material card of {described(model)}, by softnn {softnn.__version__}",
         "units N, mm, s, MPa; engineering strain and stress, tension positive",
-        f"instantaneous, strain {low:.4g} to {high:.4g}, {_volume(made)}",
+        f"{of}, strain {low:.4g} to {high:.4g}, {_volume(made)}",
     ]
     if made.law is not None:
         lines += made.law.remarks()
