@@ -4,7 +4,8 @@ Both codes let one curve, the instantaneous one, relax by a Prony series: a bran
 stands in proportion to the spring at every strain. Here branches are linear and the
 spring is not, so shares are taken that fit the lasting curve best, and the card says
 how far its lasting curve is off. A hyperelastic base is the card's own law, and loses
-nothing; neither does a Bergström-Boyce base, whose card is for Abaqus alone. Units N, mm, s, MPa.
+nothing; neither does a Bergström-Boyce base, whose card is for Abaqus alone. Units N,
+mm, s, MPa.
 """
 
 from __future__ import annotations
