@@ -329,6 +329,7 @@ LAW = "*Material, name=m\n*Hyperelastic, arruda-boyce\n0.5, 3., 0.\n"
     ("text", "said"),
     [
         (LAW + "*Hysteresis\n1.6, 0.5, 4., -1., 0.02\n", "E is 0.01 or left out"),
+        (LAW + 2 * "*Hysteresis\n1.6, 0.5, 4., -1.\n", "stands there twice"),
         (LAW + "*Hysteresis\n1.6, 0.5, 4.\n", "one line of S, A, m and C"),
         (LAW + "*Hysteresis\n0., 0.5, 4., -1.\n", "S is 0 and A is 0.5"),
         (LAW + "*Hysteresis\n1.6, 0.5, 4., -2.\n", "strain_exponent is -2"),
