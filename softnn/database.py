@@ -58,6 +58,9 @@ def made_aside(file: Path, make: Callable[[Path], None]) -> None:
             Path(name).unlink(missing_ok=True)
 
 
+_waiting: list[bool] = []  # whether this process is within `undisturbed` already
+
+
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
     """Let ctrl-C, and a `kill` that means the same, wait for the end of the block.
@@ -66,7 +69,7 @@ def undisturbed() -> Iterator[None]:
     transaction, and whoever writes next finds the file locked. A second ctrl-C does
     not wait: a server may never answer. Off the main thread no signal arrives.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread() or _waiting:
         yield
         return
     came: list[tuple[int, FrameType | None]] = []
@@ -81,13 +84,15 @@ def undisturbed() -> Iterator[None]:
         if len(came) > 1:
             handlers[number](number, frame)
 
+    _waiting.append(True)
     for number in handlers:
         signal.signal(number, wait)
     try:
         yield
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        _waiting.clear()
+        for number in reversed(handlers):  # ctrl-C last: it may raise at once
+            signal.signal(number, handlers[number])
         if came:
             handlers[came[0][0]](*came[0])
 

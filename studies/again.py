@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from bench import cost, speed, speed_models, stability
+from bench import cost, loop, speed, speed_models, stability
 from bench.architectures import trials
 from bench.architectures.unseen import judged as judged_unseen
 from bench.checking import COPIED, DIAGNOSED, TIMED, TRAINED, Checker, Result, Row
@@ -277,6 +277,15 @@ def stable(result: Result, rng: Rng) -> Iterator[Row]:
         yield f"{row['case']}, {way}", was, now
 
 
+def closed_loop(result: Result, rng: Rng) -> Iterator[Row]:
+    """One case as it was before any recording was added."""
+    told = [r for r in result["rows"] if "seed" in r and "before" in r]
+    for row in shuffled(told, rng):
+        where = row["seed"], row["index"], row["cls"], row["of"]
+        now = loop.trial(*where, arms=())["before"]
+        yield row["case"], row["before"], now
+
+
 def recordings(result: Result, rng: Rng) -> Iterator[Row]:
     """One diagnosis of real recordings after the other, and its predictions."""
     for row in shuffled(quick(result["rows"]), rng):
@@ -491,6 +500,7 @@ CHECKERS = {
     "lacks": Checker(lacking, DIAGNOSED),
     "limits": Checker(limits, DIAGNOSED),
     "recordings": Checker(recordings, DIAGNOSED),
+    "loop": Checker(closed_loop, DIAGNOSED),
     "stability": Checker(stable, DIAGNOSED),
     "survivor": Checker(survived, DIAGNOSED),
     "actuator": Checker(walked, TRAINED),

@@ -149,16 +149,19 @@ def test_ctrl_c_waits_for_the_end_of_what_is_written():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_second_ctrl_c_does_not_wait():
+@pytest.mark.parametrize("levels", [1, 2])
+def test_a_second_ctrl_c_does_not_wait(levels):
     done = []
 
-    @undisturbed()
     def write():
         signal.raise_signal(signal.SIGINT)
         done.append("first")
         signal.raise_signal(signal.SIGINT)
         done.append("second")
 
+    for _ in range(levels):
+        write = undisturbed()(write)
     with pytest.raises(KeyboardInterrupt):
         write()
     assert done == ["first"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

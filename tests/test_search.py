@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sqlalchemy import event
+from sqlalchemy.engine import Engine
 
 from softnn.contracts import InputError
 from softnn.search import Range, Search
@@ -37,6 +39,21 @@ def test_grid_visits_every_combination_once_in_order(tmp_path):
     assert [t.parameters for t in done] == expected
     assert [t.value for t in done] == [1, 2, 3, 1, 2, 3]
     assert all(t.ended >= t.started and not t.stored for t in done)
+
+
+def test_ctrl_c_as_a_trial_is_made_leaves_none_running(tmp_path):
+    def interrupt(connection, cursor, text, *_):
+        if text.startswith("INSERT INTO trials"):
+            signal.raise_signal(signal.SIGINT)
+
+    with Search(address(tmp_path), "s", GRID) as search:
+        event.listen(Engine, "after_cursor_execute", interrupt)
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                list(search.grid(counted([])))
+        finally:
+            event.remove(Engine, "after_cursor_execute", interrupt)
+        assert [t.state.name for t in search.study.get_trials()] == ["FAIL"]
 
 
 def test_finished_trials_are_not_run_again(tmp_path):

@@ -61,7 +61,7 @@ def loop(page: Page, found: Result) -> None:
 
 def figure(told: Result) -> Figure:
     """Shares settled rightly and wrongly by arm; promise and outcome by thirds."""
-    drawn = new_figure(7.2, 2.8)
+    drawn = new_figure(7.2, 3.0)
     bars, kept = drawn.subplots(1, 2, width_ratios=(2, 1))
     arms = list(told["arms"])[::-1]
     for i, (kind, colour) in enumerate((("right", COLOURS[2]), ("wrong", COLOURS[1]))):
@@ -73,7 +73,7 @@ def figure(told: Result) -> Figure:
     bars.set_yticks(range(len(arms)), [ARMS[arm] for arm in arms])
     bars.set_xlim(0, 1)
     bars.set_xlabel("share of open cases")
-    bars.legend(fontsize=8)
+    drawn.legend(loc="outside lower center", ncols=2, fontsize=8)
     kept.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8)
     came = [part["came"] for part in told["promised"]]
     kept.errorbar(

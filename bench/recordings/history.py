@@ -74,6 +74,6 @@ def table(history: Sequence[Entry]) -> str:
 ABOUT = (
     "Errors are the NRMSE on recordings that no fit used, in the median. A correction "
     "does harm where its error is more than 1.1 times that of the base. What weighs in "
-    "an error has changed between runs, as the changelog says; the newest run cannot "
-    "be held against the older ones."
+    "an error has changed between runs, as the changelog says, so not all of them can "
+    "be compared."
 )

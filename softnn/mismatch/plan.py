@@ -505,9 +505,12 @@ class Alternatives:
             if self.known.continued or more.sure < score.sure + MORE:
                 break
             specimens, score = specimens + 1, more
-        if score.sure < LIKELY and cheap is None:
-            return Plan(self, None, score)
-        return Plan(self, programme, score, cheap, specimens)
+        if score.sure >= LIKELY:
+            return Plan(self, programme, score, cheap, specimens)
+        # The one that tells most of all may still not settle it; another may.
+        others = [*own, *([cheap] if cheap else [])]
+        programme, score = max(others, key=lambda f: f[1].sure)
+        return Plan(self, programme if score.sure >= LIKELY else None, score)
 
     def _alike(self, score: Score) -> bool:
         """Return whether the predictions of all sets in question agree."""

@@ -109,7 +109,7 @@ relaxation_times=(0.25, 0.5, 1.0, 2.0, 4.0))
         knots, times = np.array(self.knots), np.array(self.relaxation_times)
         if self.segments > 1:
             knots = np.sort(np.append(knots, (knots[1:] + knots[:-1]) / 2))
-        if self.name.endswith("wiechert"):
+        if self.name.endswith("wiechert") and len(times):
             times = np.sort(np.append(times, np.sqrt(times[1:] * times[:-1])))
             times = np.append(times[0] / np.array([4.0, 2.0]), times)
         return replace(

@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import Any
 
 import optuna
+from optuna.distributions import BaseDistribution
 from optuna.trial import FrozenTrial, TrialState
 
 from softnn.contracts import InputError
@@ -232,9 +233,8 @@ class Search:
                 known = done[: max(0, count + 1 - TOGETHER)]
                 parameters = draws.draw(count, known)
                 self.study.sampler = Given(parameters)
-                with undisturbed():
-                    trial = self.study.ask({n: draws.space[n] for n in parameters})
-                    trial.set_user_attr("explored", True)
+                trial = self._asked({n: draws.space[n] for n in parameters})
+                trial.set_user_attr("explored", True)
                 pending.append((trial, submit(parameters, known)))
                 while len(pending) == TOGETHER or (pending and count == trials - 1):
                     done.append(self._oldest(pending))
@@ -272,9 +272,20 @@ class Search:
         self.study.sampler = sampler
         with warnings.catch_warnings():  # this process leads: nobody waits for a beat
             warnings.filterwarnings("ignore", "Heartbeat of storage")
-            with undisturbed():
-                trial = self.study.ask(space)
+            trial = self._asked(space)
         return self._told(trial, objective)
+
+    def _asked(self, space: Mapping[str, BaseDistribution]) -> optuna.Trial:
+        """Return a new trial; one that ctrl-C comes in between is not left running."""
+        made: list[optuna.Trial] = []
+        try:
+            with undisturbed():
+                made.append(self.study.ask(dict(space)))
+        except BaseException:
+            for trial in made:
+                self.study.tell(trial, state=TrialState.FAIL)
+            raise
+        return made[0]
 
     def _told(self, trial: optuna.Trial, objective: Objective) -> Finished:
         try:
