@@ -10,6 +10,7 @@ from softnn.contracts import Chunk, InputError
 from softnn.effects import effect
 from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.metrics import weights
+from softnn.mismatch.base import start
 from softnn.mismatch.candidates import candidates
 from softnn.mismatch.case import Case, mask_failure, mask_gaps, sparse, thin, to_data
 from softnn.mismatch.diagnosis import diagnose
@@ -177,9 +178,10 @@ def test_a_pull_that_goes_on_without_stress_has_failed():
 
 def test_fewer_samples_give_the_same_error():
     """`sparse` chooses samples by weight; a wrong hold counts as much among them."""
-    time = np.linspace(0, 420, 2101)
-    strain = np.minimum(time / 300, 1.0)
-    case = Case("c", (Recording(time, strain, strain + 0.1 * (time > 300), name="a"),))
+    time = np.linspace(0, 520, 2601)
+    strain = np.minimum(time / 300, 1.0) - np.maximum(time - 420, 0) / 300
+    wrong = 0.1 * ((time > 300) & (time < 420))
+    case = Case("c", (Recording(time, strain, strain + wrong, name="a"),))
 
     def error(case):
         (data,) = case.recordings
@@ -188,6 +190,7 @@ def test_fewer_samples_give_the_same_error():
             weight @ (data.stress_MPa - data.strain) ** 2 / (weight @ data.strain**2)
         )
 
+    assert error(case) > 0.04
     for most in (1000, 300):
         assert error(sparse(case, most)) == pytest.approx(error(case), rel=0.02)
 
@@ -297,6 +300,15 @@ def spring(time, strain, scale=1.0, name="a", noise=0.002):
 
 TIME = np.linspace(0, 40, 400)
 STRAIN = 0.3 * (1 - np.abs(TIME / 20 - 1))
+
+
+def test_relaxation_times_begin_at_the_interval_of_the_recording():
+    """Though the search looks at fewer samples than were recorded."""
+    time = np.linspace(0, 40, 4001)
+    strain = 0.3 * (1 - np.abs(time / 20 - 1))
+    base = start(Case("c", (spring(time, strain),)), "wiechert")
+    assert len(base.engine.target) < len(time)
+    assert min(base.fit.guess.units.relaxation_times) == pytest.approx(0.01)
 
 
 def test_a_recording_of_many_repeated_stamps_is_diagnosed():

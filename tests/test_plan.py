@@ -1,6 +1,7 @@
 """The next recording: what it separates, how sure it makes, and that a machine can."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -194,6 +195,21 @@ def test_what_is_not_likely_to_settle_it_is_not_asked_for():
     told = found.to_dict()
     assert "at best" in told["why"]
     assert told["programme"] is told["expected"] is None
+
+
+def test_one_that_may_settle_it_goes_before_one_that_cannot(monkeypatch):
+    """The programme that tells most of all sets settles less than another."""
+    scored = Alternatives.score
+
+    def score(self, programme, specimens=1):
+        told = scored(self, programme, specimens)
+        best = programme.label.startswith("load to") and "hold" in programme.label
+        return replace(told, gain=2.0, sure=0.05) if best else replace(told, sure=0.3)
+
+    monkeypatch.setattr(Alternatives, "score", score)
+    found = among(stored(SOFTENS), stored(SETS)).plan()
+    assert found.programme is not None
+    assert found.score.sure == 0.3
 
 
 def test_more_specimens_are_asked_for_where_one_does_not_settle_it():

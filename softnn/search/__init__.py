@@ -233,8 +233,8 @@ class Search:
                 known = done[: max(0, count + 1 - TOGETHER)]
                 parameters = draws.draw(count, known)
                 self.study.sampler = Given(parameters)
-                trial = self._asked({n: draws.space[n] for n in parameters})
-                trial.set_user_attr("explored", True)
+                space = {n: draws.space[n] for n in parameters}
+                trial = self._asked(space, explored=True)
                 pending.append((trial, submit(parameters, known)))
                 while len(pending) == TOGETHER or (pending and count == trials - 1):
                     done.append(self._oldest(pending))
@@ -275,12 +275,16 @@ class Search:
             trial = self._asked(space)
         return self._told(trial, objective)
 
-    def _asked(self, space: Mapping[str, BaseDistribution]) -> optuna.Trial:
+    def _asked(
+        self, space: Mapping[str, BaseDistribution], **about: bool
+    ) -> optuna.Trial:
         """Return a new trial; one that ctrl-C comes in between is not left running."""
         made: list[optuna.Trial] = []
         try:
             with undisturbed():
                 made.append(self.study.ask(dict(space)))
+                for key, value in about.items():
+                    made[0].set_user_attr(key, value)
         except BaseException:
             for trial in made:
                 self.study.tell(trial, state=TrialState.FAIL)
