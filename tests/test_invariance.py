@@ -16,7 +16,8 @@ from softnn.fit import Data, Engine, Guess, Piece, fit
 from softnn.fit.point import with_stress
 from softnn.metrics import weights
 from softnn.mismatch.base import possible, weigh
-from softnn.mismatch.case import Case, sparse, thin
+from softnn.mismatch.case import Case, sparse, thin, to_data
+from softnn.mismatch.specimens import besides_middle
 from softnn.model_file import from_dict, in_units, to_dict
 from softnn.models.units import Units
 from softnn.noise import Noise
@@ -157,6 +158,49 @@ def test_the_unit_of_stress_changes_no_answer(softened, by):
     np.testing.assert_allclose(
         other.model.simulate(strip), by * first.model.simulate(strip), rtol=1e-4
     )
+
+
+# --- order and names ------------------------------------------------------------------
+
+
+def strips(factors):
+    """Recordings of one programme, each of a specimen with its own stiffness."""
+    time = np.linspace(0, 30, 90)
+    strain = 0.5 * np.abs(np.sin(0.3 * time))
+    rng = np.random.default_rng(0)
+    return [
+        Recording(time, strain, f * strain + 1e-3 * rng.standard_normal(90), name=n)
+        for n, f in factors.items()
+    ]
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.permutations(range(5)))
+def test_scales_refer_to_the_same_specimen_in_any_order(order):
+    every = strips({"a": 1.0, "b": 1.3, "c": 0.8, "d": 1.1, "e": 0.9})
+    case = Case("c", tuple(every[i] for i in order), specimen={"a": "x", "b": "y"})
+    groups = [(i,) for i in range(5)]
+    beside = {case.recordings[i].name for (i,) in besides_middle(to_data(case), groups)}
+    assert beside == {"b", "c", "d", "e"}
+
+
+@pytest.mark.slow
+def test_the_names_and_the_order_of_recordings_change_no_answer(softened):
+    """Four specimens that differ by a factor each, then in another order."""
+    factors = (1.05, 0.93, 1.0, 0.97)
+    told = [
+        replace(r, stress_MPa=f * r.stress_MPa, name=f"r{i}", specimen=f"strip {i}")
+        for i, (f, r) in enumerate(zip(factors, softened + softened, strict=True))
+    ]
+    other = [
+        replace(r, name=f"r{i}", specimen=f"piece {i}")
+        for i, r in enumerate(told[::-1])
+    ]
+    a, b = (diagnose(recordings, "pl-sls") for recordings in (told, other))
+    assert a.verdict == b.verdict
+    assert a.probability == pytest.approx(b.probability, abs=0.01)
+    errors = [d.result["fit"]["after"]["heldout_nrmse"] for d in (a, b)]
+    assert errors[0] == pytest.approx(errors[1], rel=0.01)
 
 
 # --- samples of the search ------------------------------------------------------------

@@ -16,6 +16,7 @@ from softnn.mismatch.base import baseline, given
 from softnn.mismatch.evidence import Weigher
 from softnn.mismatch.mistakes import allowed, told, weighed, with_mistakes, wrong
 from softnn.mismatch.posterior import posterior
+from softnn.mismatch.prediction import specimens_of
 from softnn.recording import Recording
 from softnn.simulate import simulate
 
@@ -81,8 +82,9 @@ def test_to_call_a_specimen_wrong_changes_no_stress(which):
     factors = np.array([1.0, 1.02, 0.99, 1.01, 0.98])
     factors[which] = 2.0
     base = baseline(recorded(factors), "pl-wiechert", [(r,) for r in range(5)])
-    assert told(base.fit).argmax() == which
-    guess = wrong(base.fit.guess, which)
+    found = told(base.fit).argmax()
+    assert specimens_of(base.fit.guess, 5)[found] == (which,)
+    guess = wrong(base.fit.guess, found)
     stress, _ = base.engine.run(guess, False)
     np.testing.assert_allclose(stress, base.fit.stress, rtol=1e-9, atol=1e-12)
     (piece,) = [p for p in guess.pieces if not p.nuisance]
@@ -98,38 +100,56 @@ def test_a_simulation_from_elsewhere_is_not_rescaled(which):
     base = given(recorded(factors), simulated, [(r,) for r in range(5)])
     chance = told(base.fit)
     assert chance[0] == 0.0
-    if which:
-        assert chance.argmax() == which
-        stress, _ = base.engine.run(wrong(base.fit.guess, which), False)
-        np.testing.assert_allclose(stress, base.fit.stress, rtol=1e-9, atol=1e-12)
+    found = chance.argmax()
+    assert specimens_of(base.fit.guess, 5)[found] == (which,)
+    stress, _ = base.engine.run(wrong(base.fit.guess, found), False)
+    np.testing.assert_allclose(stress, base.fit.stress, rtol=1e-9, atol=1e-12)
 
 
-def test_a_scale_beyond_its_range_is_not_written_down():
-    """Over a specimen that is hardly there others are hundreds of times it."""
+def test_a_specimen_wrong_leaves_scales_over_one_in_the_middle():
     guess = baseline(
         recorded(np.ones(5)), "pl-wiechert", [(r,) for r in range(5)]
     ).fit.guess
     (said,) = guess.pieces
-    scales = {"error": np.array([0.0, -0.9, 19.0, 19.0, 19.0])}
-    guess = replace(guess, pieces=(replace(said, values=scales),))
+    first, *others = specimens_of(guess, 5)
+    error = np.zeros(5)
+    for (r,), value in zip(others, (1.0, 3.0, 2.0, 4.0), strict=True):
+        error[r] = value
+    guess = replace(guess, pieces=(replace(said, values={"error": error}),))
+    scaled, error = wrong(guess, 0).pieces
+    assert error.groups == (first,)
+    # 2 of 1, 2, 3, 4: the lower one of the middle
+    assert {*others} - {*scaled.groups} == {others[2]}
+
+
+def test_a_scale_beyond_its_range_is_not_written_down():
+    """Of a specimen that is hardly there nothing is a hundredth."""
+    guess = baseline(
+        recorded(np.ones(5)), "pl-wiechert", [(r,) for r in range(5)]
+    ).fit.guess
+    (said,) = guess.pieces
+    _, (weak,), *rest = specimens_of(guess, 5)
+    error = np.zeros(5)
+    error[weak], error[[r for (r,) in rest]] = -0.9, 19.0
+    guess = replace(guess, pieces=(replace(said, values={"error": error}),))
     assert allowed(wrong(guess, 1))
     assert not allowed(wrong(guess, 0))
 
 
 def test_a_mistake_out_of_range_is_no_hypothesis(monkeypatch):
-    groups = [(r,) for r in range(5)]
-    base = baseline(recorded((1, 0.055, 1.3, 1.3, 1.3)), "pl-wiechert", groups)
+    groups = [(0,), (1,), (2,), (3, 4)]
+    base = baseline(recorded((1, 0.06, 1.3, 1.3, 1.3)), "pl-wiechert", groups)
+    weak = specimens_of(base.fit.guess, 5).index((1,))
+    assert weak != 0  # the scale of 1 is in the middle, and without it 1.3 is
     accounts = [Account(base.fit, Weigher(base.engine, base.fit).weigh(base.fit))]
     before = posterior(accounts)
-    for which, there in ((1, True), (0, False)):
-        chance = 0.5 * (np.arange(5) == which)
+    for which, there in ((weak, True), (0, False)):
+        chance = 0.5 * (np.arange(4) == which)
         monkeypatch.setattr(mistakes, "told", lambda _, chance=chance: chance)
         after = with_mistakes(before, base.engine)
         assert ("gain_error" in after.effects) == there
         assert after.probability.sum() == pytest.approx(1.0)
         assert after.other == pytest.approx(before.other)  # that stays beside it
-    (piece,) = base.fit.guess.pieces
-    assert 1.3 / (1 + piece.values["error"][1]) > 22
 
 
 def test_of_two_specimens_or_none_told_nothing_is_said():

@@ -183,6 +183,17 @@ def test_a_specimen_that_other_recordings_show_keeps_its_gap():
     assert new.pieces[0].values["gap"].tolist() == pytest.approx([0.01, 0.05, 0.05])
 
 
+@pytest.mark.parametrize("gone", [0, 2])
+def test_a_recording_not_met_has_the_scale_that_its_specimen_has_elsewhere(gone):
+    """Also of the specimen to which scales refer (0 and 1), which has none itself."""
+    law, scale = effect("gain_error"), np.array([0.0, 0.0, 0.3, 0.3, -0.1])
+    own = Piece(law, {"error": scale}, (), ((2, 3), (4,)), nuisance=True)
+    guess = Guess(UNITS, STIFFNESS, (own,))
+    new = prediction.unmet(guess, Fold("rate", np.ones(1, bool), (gone,)), {})
+    assert new.pieces[0].values["error"] == pytest.approx(scale)
+    assert {r for g in new.pieces[0].groups for r in g} == {2, 3, 4} - {gone}
+
+
 def test_a_stored_model_gives_new_recordings_the_mean_gap_and_no_fault():
     offset = effect("zero_offset")
     own = {"offset_MPa": np.array([0.0, 0.5])}

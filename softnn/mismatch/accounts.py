@@ -15,7 +15,7 @@ import numpy as np
 from softnn import progress
 from softnn.contracts import Array, Effect
 from softnn.fit import Engine, Fit, Guess, Piece, fit
-from softnn.mismatch.base import CLASS, Baseline, scatter, weigh, weigh_by
+from softnn.mismatch.base import CLASS, Baseline, each_apart, scatter, weigh, weigh_by
 from softnn.mismatch.candidates import (
     FIRST,
     FORMS,
@@ -213,7 +213,7 @@ def _as_specimens(
     count = len(base.engine.chunks)
     if count < FEWEST or any(p.nuisance for p in base.fit.guess.pieces):
         return []
-    each = scatter(count, [(r,) for r in range(1, count)], unsaid=True)
+    each = each_apart(base.engine.data, unsaid=True)
     rest = [a for a in found if each.effect.id not in a.effects]
 
     def apart(account: Account, piece: Piece = each) -> Account:

@@ -18,6 +18,7 @@ from softnn.contracts import Array, InputError
 from softnn.effects import EFFECTS
 from softnn.fit import Data, Engine, Fit, Guess, Piece, fit
 from softnn.mismatch.case import Case, mask_failure, mask_gaps, sparse, thin, to_data
+from softnn.mismatch.specimens import besides_middle
 from softnn.models.base import Base
 from softnn.models.bases import build
 from softnn.noise import Noise, estimate, white
@@ -98,10 +99,17 @@ def units_for(name: str, data: Data, segments: int = 16) -> Base:
 
 
 def nuisance(data: Data, groups: Sequence[tuple[int, ...]]) -> tuple[Piece, ...]:
-    """Return a scale for each specimen but the first; nothing for a single specimen."""
+    """Return a scale for each specimen but that in the middle; nothing for only one."""
     if len(groups) < 2:
         return ()
-    return (scatter(len(data.chunks), groups[1:]),)
+    return (scatter(len(data.chunks), besides_middle(data, groups)),)
+
+
+def each_apart(data: Data, unsaid: bool = False) -> Piece:
+    """Return specimen scales that take each recording as a specimen of its own."""
+    count = len(data.chunks)
+    groups = besides_middle(data, [(r,) for r in range(count)])
+    return scatter(count, groups, unsaid)
 
 
 def scatter(

@@ -374,7 +374,7 @@ def scattered(found: Fit) -> tuple[Array, Array, Array, Array]:
 
     The last two are (valid, k), for independent weights of equal scale. The fourth
     array (valid,) is the part of the fit that both explain. Specimen scales are
-    relative to the first specimen, which varies as much as the others.
+    relative to one specimen, which varies as much as the others.
     """
     first, slots = len(found.guess.stiffness), found.slots
     pieces = found.guess.pieces

@@ -16,7 +16,7 @@ from softnn import progress
 from softnn.fit import Engine, Fit, Piece, fit
 from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
-from softnn.mismatch.base import Baseline, scatter, weigh, weigh_by
+from softnn.mismatch.base import Baseline, each_apart, weigh, weigh_by
 from softnn.mismatch.compare import NAMED, SURE
 from softnn.mismatch.decision import (
     DROWNED,
@@ -258,9 +258,8 @@ def by_prediction(base: Baseline, tolerance: float = TOLERANCE) -> Judgement:
 
 def _each_of_its_own(base: Baseline) -> Baseline:
     """Return the base with a scale for each recording, as a specimen of its own."""
-    count = len(base.engine.chunks)
-    each = scatter(count, [(r,) for r in range(1, count)])
-    guess = replace(base.fit.guess, pieces=(*base.fit.guess.pieces, each))
+    pieces = (*base.fit.guess.pieces, each_apart(base.engine.data))
+    guess = replace(base.fit.guess, pieces=pieces)
     return replace(base, fit=fit(base.engine, guess, fixed_base=base.fixed))
 
 

@@ -28,9 +28,9 @@ SIZES = (0.3, 1.0, 2.5)  # of the logarithm of a mistake: factors of about 1.3, 
 
 
 def weighed(at: Array, known: Array) -> Array:
-    """Return the probability (n,) that each specimen is a mistake, the first first.
+    """Return the probability (n,) that each specimen is a mistake, the reference first.
 
-    `at` (n - 1,) are logarithms of scales relative to the first specimen, and `known`
+    `at` (n - 1,) are logarithms of scales relative to the reference, and `known`
     (n - 1, n - 1) is their precision.
     """
     each = np.eye(len(at) + 1)
@@ -54,7 +54,7 @@ def weighed(at: Array, known: Array) -> Array:
 def told(found: Fit) -> Array:
     """Return this probability for the labelled specimens of a fit (n,); empty for few.
 
-    A simulation from elsewhere has the scale of the first specimen, and that stays.
+    A simulation from elsewhere has the scale of the reference, and that stays.
     """
     said = [p for p in found.guess.pieces if p.nuisance and not p.unsaid]
     if not said or len(said[0].groups) + 1 < FEWEST:
@@ -66,7 +66,7 @@ def told(found: Fit) -> Array:
 
 
 def wrong(guess: Guess, which: int) -> Guess:
-    """Return the guess in which labelled specimen `which` (first: 0) is a mistake."""
+    """Return the guess in which specimen `which`, as `told` counts, is a mistake."""
     place = next(i for i, p in enumerate(guess.pieces) if p.nuisance)
     said = guess.pieces[place]
     name = said.effect.amplitude
@@ -74,7 +74,10 @@ def wrong(guess: Guess, which: int) -> Guess:
     others = {r for group in said.groups for r in group}
     groups = [tuple(r for r in range(len(scale)) if r not in others), *said.groups]
     mine = groups.pop(which)
-    one = scale[groups[0][0]]  # scale of the specimen that comes first now
+    if which == 0:  # scales refer to the specimen in the middle of the others
+        groups.sort(key=lambda group: scale[group[0]])
+        groups.insert(0, groups.pop((len(groups) - 1) // 2))
+    one = scale[groups[0][0]]
     off = np.isin(np.arange(len(scale)), mine)
     rest = np.where(off, 0.0, scale / one - 1)
     error = np.where(off, scale / one - 1, 0.0)
@@ -87,7 +90,7 @@ def wrong(guess: Guess, which: int) -> Guess:
 
 
 def allowed(guess: Guess) -> bool:
-    """Return whether all scales, relative to the new first specimen, are in range."""
+    """Return whether all scales, relative to the new reference, are in range."""
     scales = [(p.effect, p.values) for p in guess.pieces if p.effect.scatter]
     return all(
         np.array_equal(clipped(law, values)[law.amplitude], values[law.amplitude])

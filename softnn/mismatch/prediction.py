@@ -35,6 +35,7 @@ from softnn.mismatch.candidates import (
 from softnn.mismatch.compare import FLOOR, HARM, LIKELY, Names, shares
 from softnn.mismatch.compare import names as names_of
 from softnn.mismatch.posterior import Hypothesis, Posterior
+from softnn.mismatch.specimens import by_stiffness
 from softnn.mismatch.verify import Heldout, without_rows
 from softnn.state import BRANCHES, phases
 
@@ -243,6 +244,7 @@ def folds(engine: Engine, specimens: Sequence[tuple[int, ...]]) -> list[Fold]:
     told = len(specimens) > 1
     single = list(specimens) if told else [(r,) for r in range(count)]
     if len(single) > MOST_FOLDS:
+        single = by_stiffness(engine.data, single)
         single = [sum(single[k::MOST_FOLDS], ()) for k in range(MOST_FOLDS)]
     sets = {tuple(sorted(one)): "specimen" if told else "recording" for one in single}
     reach, rate, held = zip(*map(_programme, engine.chunks), strict=True)
@@ -324,7 +326,9 @@ def unmet(guess: Guess, fold: Fold, known: Mapping[str, Piece]) -> Guess:
         return guess
     pieces = []
     for piece in guess.pieces:
-        values = dict(piece.values)
+        values, groups = dict(piece.values), piece.groups
+        if piece.nuisance:  # the specimen to which scales refer has no value of its own
+            groups = tuple(specimens_of(guess, len(values[piece.effect.amplitude])))
         for name in piece.effect.per_recording:
             array = np.array(values[name], float)
             rest = [r for r in range(len(array)) if r not in gone]
@@ -332,12 +336,12 @@ def unmet(guess: Guess, fold: Fold, known: Mapping[str, Piece]) -> Guess:
                 if not piece.nuisance and piece.effect.id in known:
                     array[r] = known[piece.effect.id].values[name][r]
                     continue
-                same = [q for g in piece.groups if r in g for q in g if q not in gone]
+                same = [q for g in groups if r in g for q in g if q not in gone]
                 array[r] = array[same or rest].mean()
             values[name] = array
         kept = (tuple(r for r in g if r not in gone) for g in piece.groups)
-        groups = tuple(g for g in kept if g)
-        pieces.append(replace(piece, values=values, groups=groups))
+        free = tuple(g for g in kept if g)
+        pieces.append(replace(piece, values=values, groups=free))
     return replace(guess, pieces=tuple(pieces))
 
 

@@ -16,7 +16,7 @@ from math import comb, lgamma, log
 import numpy as np
 
 from softnn.contracts import Array
-from softnn.fit import Fit, get, span
+from softnn.fit import Data, Fit, get, span
 
 UNSAID = 1.6  # log odds against unlabelled specimens or mistakes: one case in six
 
@@ -34,6 +34,32 @@ def sizes(count: int, groups: Sequence[Sequence[int]]) -> list[int]:
     return [count - sum(mine), *mine]
 
 
+def by_stiffness(
+    data: Data, groups: Sequence[tuple[int, ...]]
+) -> list[tuple[int, ...]]:
+    """Return specimens from soft to stiff: an order without regard to names.
+
+    The stiffness is the ratio of the RMS of stress and strain over the recordings.
+    """
+
+    def stiffness(group: tuple[int, ...]) -> float:
+        stress = np.concatenate([data.stress_MPa[r] for r in group])
+        strain = np.concatenate([data.chunks[r].strain for r in group])
+        known = np.isfinite(stress)
+        square = float(strain[known] @ strain[known])
+        return float(stress[known] @ stress[known]) / max(square, 1e-300)
+
+    return sorted(groups, key=stiffness)
+
+
+def besides_middle(
+    data: Data, groups: Sequence[tuple[int, ...]]
+) -> list[tuple[int, ...]]:
+    """Return the specimens but that of median stiffness, to which scales refer."""
+    middle = by_stiffness(data, groups)[(len(groups) - 1) // 2]
+    return [g for g in groups if g != middle]
+
+
 def picked(count: int, wrong: int) -> float:
     """Return the log odds against this choice of `wrong` recordings out of `count`.
 
@@ -43,7 +69,7 @@ def picked(count: int, wrong: int) -> float:
 
 
 def estimated(found: Fit) -> tuple[Array, Array]:
-    """Return specimen scales relative to the first (k,), and their precision (k, k).
+    """Return specimen scales relative to one specimen (k,), and their precision (k, k).
 
     They are nearly normal, so their distribution over specimens can be integrated out.
     """
@@ -59,20 +85,23 @@ def estimated(found: Fit) -> tuple[Array, Array]:
 
 
 def shared(found: Fit, scales: Sequence[float]) -> list[tuple[int, ...]]:
-    """Return the likeliest groups of recordings by specimen, that of the first first.
+    """Return the likeliest groups of recordings by specimen; scales refer to the first.
 
-    `found` has an unlabelled scale for each recording but the first. Scales of
-    specimens are normal with one of `scales`. Groups are merged down to two, each time
-    the pair that leaves the highest score.
+    `found` has an unlabelled scale for each recording but one. Scales of specimens are
+    normal with one of `scales`. Groups are merged down to two, each time the pair that
+    leaves the highest score.
     """
     at, known = estimated(found)
     count = len(at) + 1
+    piece = next(p for p in found.guess.pieces if p.nuisance)
+    own = [r for (r,) in piece.groups]
+    order = [*(r for r in range(count) if r not in own), *own]  # the reference first
 
     def value(groups: Sequence[tuple[int, ...]]) -> float:
         member = np.zeros((count, len(groups)))
         for k, group in enumerate(groups):
             member[list(group), k] = 1.0
-        over = member[1:] - member[0]  # scales are relative to the first recording
+        over = member[1:] - member[0]
         return max(marginal(at, known, s * over) for s in scales if s) - cost(
             [len(g) for g in groups]
         )
@@ -86,7 +115,8 @@ def shared(found: Fit, scales: Sequence[float]) -> list[tuple[int, ...]]:
         ]
         groups = max(merged, key=value)
         tried.append(groups)
-    return max(tried, key=value)
+    likeliest = max(tried, key=value)
+    return [tuple(sorted(order[i] for i in group)) for group in likeliest]
 
 
 def marginal(at: Array, known: Array, weights: Array) -> float:
