@@ -7,20 +7,24 @@ faulty strain, must give the faulty stress.
 import json
 import os
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from recordings_made import SPRING, STIFFNESS, triangle
 from smoke import smoked
 
-from bench.recordings import groups, predict, reporting, sets, trial
+from bench.recordings import groups, predict, promise, reporting, sets, trial
 from bench.recordings.rows import Row, agreement, made_of, met
 from softnn import Recording
+from softnn.contracts import Chunk
 from softnn.database import Store
 from softnn.effects import effect
-from softnn.fit import Guess
+from softnn.fit import Guess, Piece
 from softnn.metrics import weights
 from softnn.mismatch.case import Case
+from softnn.mismatch.plan import Alternatives
+from softnn.mismatch.programmes import Programme, recorded
 from softnn.model_file import to_dict
 from softnn.readers.tidy import data_folder
 
@@ -277,3 +281,96 @@ def test_made_faults_that_were_not_run_are_no_headline():
     found = {"found": {"of": 3, "rate": 1.0}, "with_a_false_name": {"rate": 0.0}}
     assert reporting.headline([], {}, found, "hooke")["faults"] == 3
     assert "faults" not in reporting.headline([], {}, None, "hooke")
+
+
+# --- recordings put back --------------------------------------------------------------
+
+
+def row_of(kind, promise=None, **chance):
+    named = [n for n, p in chance.items() if p >= 0.5]
+    own = {n: chance[n] for n in named}
+    row = Row("set", "", kind, "hooke", selected=named, probability=own, chance=chance)
+    return replace(row, promise=promise or {})
+
+
+@pytest.mark.parametrize(
+    ("chance", "came"),
+    [
+        ({"slack": 0.95, "slip": 0.3}, True),
+        ({"slack": 0.05, "slip": 0.02, "inertia": 0.6}, True),  # none is likely
+        ({"slack": 0.8, "slip": 0.1}, False),
+        ({"slack": 0.05, "slip": 0.2, "inertia": 0.95}, False),  # nobody asked for it
+    ],
+)
+def test_what_was_in_question_is_settled_with_the_recordings_put_back(chance, came):
+    assert promise.settled(row_of("all", **chance), ["slack", "slip"]) == came
+
+
+def test_promises_stand_beside_what_came_of_them():
+    whole = row_of("all", slack=0.95, slip=0.3)
+    asked = [
+        ("split", "slack", 0.9), ("fault", "slack", 0.8), ("split", "slip", 0.5),
+        ("split", "slip", 0.1),
+    ]  # fmt: skip
+    rows = [row_of(k, {"open": [name], "sure": p}) for k, name, p in asked]
+    found = promise.promises([*rows, row_of("split"), whole])
+    assert found["all"]["promised"] == pytest.approx(0.575)
+    assert (found["all"]["came"]["right"], found["all"]["came"]["of"]) == (2, 4)
+    parts = [(p["promised"], p["came"]["right"]) for p in found["parts"]]
+    assert parts == [(0.1, 0), (pytest.approx(0.65), 1), (0.9, 1)]
+    assert promise.promises([whole])["all"]["came"]["of"] == 0
+
+
+def test_the_promise_is_that_of_the_recordings_left_out():
+    among = Alternatives.from_dict(open_between())
+    time = np.linspace(0, 40, 401)
+    strains = [0.5 * np.abs(np.sin(w * time)) for w in (0.1, 0.3)]
+    left = [
+        Recording(time + 5, x, x, name=f"r{i}", test="") for i, x in enumerate(strains)
+    ]
+    found = SimpleNamespace(result={"alternatives": among.to_dict()})
+    told = promise.promised(found, Case("c", tuple(left[:1])))
+    score = among.score(Programme("r0", time, strains[0]))
+    assert (told["open"], told["sure"]) == (among.open, pytest.approx(score.sure))
+    both = promise.promised(found, Case("c", tuple(left)))
+    scores = [
+        [among.score(Programme("", time, x), count) for x in strains]
+        for count in (1, 2)
+    ]
+    best = max((0, 1), key=lambda i: scores[0][i].gain)
+    assert both["sure"] == pytest.approx(scores[1][best].sure)
+    nothing = {"alternatives": open_between(1)}
+    assert promise.promised(SimpleNamespace(result=nothing), Case("c", ())) == {}
+
+
+def open_between(models=2):
+    """Softening or permanent set: both predict first loading alike."""
+    given = [
+        {
+            "effects": [name],
+            "probability": 0.5,
+            "nrmse": 0.05,
+            "folds": [],
+            "model": to_dict(
+                Guess(
+                    SPRING,
+                    np.array([STIFFNESS]),
+                    (Piece(effect(name), effect(name).defaults() | values, ()),),
+                ),
+                (),
+                "fresh",
+                False,
+            ),
+        }
+        for name, values in (
+            ("mullins_softening", {"depth": 0.4, "scale": 0.05}),
+            ("permanent_set", {"ratio": 0.2}),
+        )
+    ]
+    strain = np.linspace(0, 0.5, 100)
+    chunk = Chunk(np.linspace(0, 40, 100), strain)
+    known = recorded(["a"], [chunk], [strain], False)
+    return {
+        "recorded": known.to_dict(), "noise": 0.0, "floor": 0.0, "action": "record",
+        "sets": given[:models],
+    }  # fmt: skip

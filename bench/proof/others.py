@@ -7,7 +7,7 @@ from typing import Any
 
 from bench.cost import cost_figure
 from bench.proof.page import Page, Result
-from bench.recordings import history
+from bench.recordings import history, promise
 from bench.recordings.reporting import FAULT_HEADS, fault_rows
 from bench.reporting import share
 from softnn.models.bases import BASES
@@ -77,6 +77,14 @@ def recordings(page: Page, found: Result) -> None:
         page.say(
             markdown([*heads, "as the literature"], rows),
             "\\* beyond the fitted range. A bar is the largest error allowed.",
+        )
+    promised = found.get("promises")
+    if promised and promised["all"]["came"]["of"]:
+        page.say(
+            "Of recordings that were left out, what softnn promises of recording them "
+            "(how likely they settle what is in question), and how often they did when "
+            "they were put back; in three parts by the promise, then all:",
+            markdown(*promise.table(promised)),
         )
     faults = found.get("faults")
     if faults:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.recordings import promise
 from bench.recordings.faults import CONTROL
 from bench.recordings.groups import Group
 from bench.recordings.history import entry, extended
@@ -67,7 +68,11 @@ def report(
         main = MAIN if any(r.base == MAIN for r in untouched) else main
         mine = [r for r in untouched if r.base == main]
         history = extended(before["history"], entry(mine, material, made_of(mine)))
-    note = "\n\n".join(tables(untouched, material, faults, main))
+    promised = promise.promises(rows)
+    written = tables(untouched, material, faults, main)
+    if promised["all"]["came"]["of"]:
+        written += ["**Recordings put back**", markdown(*promise.table(promised))]
+    note = "\n\n".join(written)
     print(note)
     # Made faults of an earlier run are no headline of this one.
     head = headline(untouched, material, faults if copies else None, main)
@@ -85,6 +90,7 @@ def report(
         ],
         "bases": by_base(untouched, material),
         "faults": faults,
+        "promises": promised,
         "history": history,
     }  # fmt: skip
     path = write_result(

@@ -39,6 +39,7 @@ class Row:
     verdict: str = ""
     selected: list[str] = field(default_factory=list)
     probability: dict[str, float] = field(default_factory=dict)  # of what is selected
+    chance: dict[str, float] = field(default_factory=dict)  # of every effect tried
     equivalent: list[str] = field(default_factory=list)
     where: dict[str, str] = field(default_factory=dict)
     parameters: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -53,6 +54,7 @@ class Row:
     action: str = ""
     model: dict[str, Any] = field(default_factory=dict)  # corrected; not published
     oracle: dict[str, Any] = field(default_factory=dict)  # `oracle.Gain` of a copy
+    promise: dict[str, Any] = field(default_factory=dict)  # `promise.promised`
     unseen: dict[str, Any] = field(default_factory=dict)
     error: str = ""
     seconds: float = 0.0
@@ -70,6 +72,8 @@ class Row:
         """What a diagnosis.json says, names of single recordings left out."""
         self.verdict = result["verdict"]
         self.selected = list(result["selected"])
+        tried = ((c["effect"], c["probability"]) for c in result["candidates"])
+        self.chance = {name: p for name, p in tried if name}
         for told in result["explanations"]:
             self.equivalent += told["equivalent"]
             self.probability[told["effect"]] = told["probability"]

@@ -22,6 +22,7 @@ from bench.recordings import faults, oracle, slip
 from bench.recordings.faults import CONTROL, FAULTS, faulty, one_less
 from bench.recordings.groups import Group, discover, first_loading, first_turn
 from bench.recordings.predict import misses, summary, usable
+from bench.recordings.promise import promised
 from bench.recordings.reporting import report
 from bench.recordings.rows import MAIN, Row
 from bench.recordings.virtual import made_up
@@ -261,6 +262,7 @@ def split(task: Task) -> Row:
     row = new_row(task, found)
     row.split, row.label, row.outside = way.by, way.label, way.outside
     unseen = usable(group.case(way.unseen), task.samples)
+    row.promise = promised(found, unseen)
     models = {"before": found.base_json, "after": found.model_json}
     row.unseen = summary(misses(models, unseen, group.specimens), rng_of(task))
     return row
@@ -284,14 +286,19 @@ def monotonic(task: Task) -> Row:
 
 
 def fault(task: Task) -> Row:
-    case = usable(task.group.case(), task.samples)
+    whole = case = usable(task.group.case(), task.samples)
     made = FAULTS.get(task.fault)
     if made:
         case = faulty(case, made, task.size, rng_of(task)).case
     elif task.fault == CONTROL:
         case = one_less(case, rng_of(task))
-    row = new_row(task, diagnose(case, task.base, task.seed))
+    found = diagnose(case, task.base, task.seed)
+    row = new_row(task, found)
     row.expected = made.effect if made else ""
+    if task.fault == CONTROL:
+        names = {r.name for r in case.recordings}
+        left = tuple(r for r in whole.recordings if r.name not in names)
+        row.promise = promised(found, replace(whole, recordings=left))
     return row
 
 
