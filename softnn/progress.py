@@ -35,6 +35,7 @@ class Progress:
     left_s: float | None = None
     item: str = ""
     part: str = ""
+    so_far: str = ""
 
 
 Listener = Callable[[Progress], None]
@@ -49,6 +50,7 @@ class _Told:
         self.changed = self.began
         self.stage, self.steps, self.item = "", 0, ""
         self.part, self.pieces, self.count = "", 0.0, 0
+        self.so_far = ""
 
     def tell(self, now: float) -> None:
         self.last = now
@@ -58,9 +60,8 @@ class _Told:
             if share > SURE:
                 left = (now - self.changed) * (1 - share) / share
         seconds = now - self.began
-        self.listener(
-            Progress(self.stage, self.steps, seconds, share, left, self.item, self.part)
-        )
+        where = self.stage, self.steps, seconds, share, left
+        self.listener(Progress(*where, self.item, self.part, self.so_far))
 
 
 _TOLD: ContextVar[_Told | None] = ContextVar("told", default=None)
@@ -105,6 +106,14 @@ def part(name: str, count: int) -> None:
         told.part, told.pieces, told.count = name, 0.0, count
         told.changed = time.monotonic()
         told.tell(told.changed)
+
+
+def so_far(answer: str) -> None:
+    """The answer would be this one, if the run ended now."""
+    told = _TOLD.get()
+    if told is not None and answer != told.so_far:
+        told.so_far = answer
+        told.tell(time.monotonic())
 
 
 def step(item: str = "") -> None:
@@ -180,7 +189,9 @@ class Shown:
             self.clear()
 
     def __call__(self, now: Progress) -> None:
-        self.now, self.heard = now, time.monotonic()
+        before, self.now, self.heard = self.now, now, time.monotonic()
+        if now.so_far != before.so_far and not self.quiet:
+            self.say(f"{self.label}, so far: {now.so_far}")
 
     def say(self, line: str) -> None:
         """A line of its own, above the one that moves."""

@@ -414,6 +414,12 @@ def test_one_recording_a_list_and_a_folder_are_diagnosed_and_shown_in_short(lab)
     assert found.case.recordings[0].name == "a"
     assert {p.stage for p in seen} == {"diagnosing"}
     assert all(0 <= p.share <= 1 for p in seen)
+    # The error of the simulation comes before any search, then what leads so far.
+    told = list(dict.fromkeys(p.so_far for p in seen if p.so_far))
+    assert told[0].startswith("the simulation is")
+    assert all(t.startswith(("with ", "the simulation is")) for t in told)
+    first = next(p for p in seen if p.so_far)
+    assert first.seconds < 0.5 * seen[-1].seconds
     for made in (one, found):
         assert len(repr(made)) < 1000
         assert "\n" not in repr(made)
@@ -429,6 +435,20 @@ def test_one_recording_a_list_and_a_folder_are_diagnosed_and_shown_in_short(lab)
 def test_a_name_that_is_markup_is_shown_as_text():
     one = softnn.Recording(TIME, STRAIN, STRESS, name="<script>")
     assert "<script>" not in one._repr_html_()
+
+
+def test_the_answer_so_far_is_a_line_of_its_own_and_said_once(capsys):
+    shown = progress.Shown("mine")
+    with progress.heard(shown):
+        progress.so_far("the simulation is 9 % off")
+        progress.part("one effect", 2)
+        progress.so_far("the simulation is 9 % off")
+        progress.so_far("with slack it is 2 % off")
+    told = capsys.readouterr().err.splitlines()
+    assert told == [
+        "mine, so far: the simulation is 9 % off",
+        "mine, so far: with slack it is 2 % off",
+    ]
 
 
 def test_a_listener_hears_stages_and_may_stop_the_run(tmp_path):

@@ -179,7 +179,8 @@ def diagnose(project: Project) -> None:
             told = time.time()
             part = f", {progress.part}" if progress.part else ""
             steps = f", step {progress.steps}" if progress.steps else ""
-            now = (progress.stage or "diagnosing") + part + steps
+            answer = f"; so far: {progress.so_far}" if progress.so_far else ""
+            now = (progress.stage or "diagnosing") + part + steps + answer
             project.tell("diagnose", stage=now, began=began)
 
     with heard(tell):

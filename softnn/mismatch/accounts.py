@@ -25,6 +25,7 @@ from softnn.mismatch.candidates import (
     expand,
     names,
     refine,
+    so_far,
 )
 from softnn.mismatch.evidence import SCATTER, Evidence, Weigher, mistaken
 from softnn.mismatch.specimens import shared
@@ -131,6 +132,7 @@ def search(
     for size, count in enumerate(EXPANDED, start=1):
         bar = max(value(a) for a in found if len(a.effects) < size)
         best = _leaders(a for a in found if len(a.effects) == size and value(a) >= bar)
+        so_far(engine, max(found, key=value).fit)
         progress.part(SIZES[size], len(best[:count]))
         for account in best[:count]:
             found += _weighed(weigher, expand(engine, account.fit, pool, LATER))

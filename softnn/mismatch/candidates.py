@@ -29,6 +29,7 @@ from softnn.mismatch.screen import (
     start_pieces,
 )
 from softnn.mismatch.verify import intervals
+from softnn.report.phrases import listed, percent, plain
 
 ENTRY = 8.0  # of chi2; a smaller gain is not worth a refit, nor a recording of its own
 BESIDE = 0.02  # of the largest gain; an effect with less is not refitted yet
@@ -66,6 +67,15 @@ def candidates(
 def names(found: Fit) -> list[str]:
     """Return the ids of the effects in a fit."""
     return [p.effect.id for p in found.guess.pieces if not p.nuisance]
+
+
+def so_far(engine: Engine, found: Fit) -> None:
+    """Tell whoever listens that this fit is the answer as it would be now."""
+    missed = engine.share @ (engine.target - found.stress) ** 2
+    error = percent(float(np.sqrt(missed / (engine.share @ engine.target**2))))
+    effects = [plain(n) for n in dict.fromkeys(names(found))]
+    what = f"with {listed(effects)} it" if effects else "the simulation"
+    progress.so_far(f"{what} is {error} off")
 
 
 # What a part of the search is called, by the effects of its candidates.

@@ -17,6 +17,7 @@ from softnn.fit import Engine, Fit, Piece, fit
 from softnn.mismatch import faults, locate, prediction, replicates, verify, zeros
 from softnn.mismatch.accounts import Search, search
 from softnn.mismatch.base import Baseline, each_apart, weigh, weigh_by
+from softnn.mismatch.candidates import so_far
 from softnn.mismatch.compare import NAMED, SURE
 from softnn.mismatch.decision import (
     DROWNED,
@@ -97,6 +98,7 @@ def judge(base: Baseline, tolerance: float = TOLERANCE) -> Judgement:
 
     `tolerance` is the error of prediction that the user finds good enough.
     """
+    so_far(base.engine, base.fit)
     progress.part("how far from the noise", 0)
     if not far_from_noise(base, prediction.sketch(base, every=True)):
         found = search(base)

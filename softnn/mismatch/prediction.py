@@ -31,6 +31,7 @@ from softnn.mismatch.candidates import (
     expand,
     names,
     refine,
+    so_far,
 )
 from softnn.mismatch.compare import FLOOR, HARM, LIKELY, Names, shares
 from softnn.mismatch.compare import names as names_of
@@ -526,6 +527,7 @@ def search(base: Baseline, given: Sequence[Piece] = ()) -> list[Candidate]:
             progress.piece()
         mine = [judge.judged(one) for one in fits]
         found.extend(mine)
+        so_far(coarse, ranked(found)[0].fit)
         return ranked(mine)
 
     one = grown(found[:1], FIRST, SHAPES)
