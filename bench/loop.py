@@ -157,7 +157,9 @@ def trial(
         "asked": plan.programme.label,
         "specimens": plan.specimens,
         "separates": plan.separates,
-        "promised": {"sure": plan.score.sure, "right": plan.score.right},
+        "promised": {"sure": plan.score.sure, "right": plan.score.right}
+        if plan.among.promises
+        else None,
     }
     rng = np.random.default_rng([seed, index])
     ways = programmes(plan, case, rng)
@@ -259,7 +261,8 @@ def told(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def _promised(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Promise and outcome of the recording asked for, in thirds of the promise."""
-    order = sorted(rows, key=lambda r: r["promised"]["sure"])
+    known = [r for r in rows if r["promised"]]  # prediction decided
+    order = sorted(known, key=lambda r: r["promised"]["sure"])
     cuts = [0, *(round(len(order) * t) for t in THIRDS), len(order)]
     out = []
     for a, b in itertools.pairwise(cuts):

@@ -20,6 +20,7 @@ from softnn.mismatch.plan import Alternative, Alternatives
 from softnn.mismatch.programmes import Library, Limits, Programme, corners, recorded
 from softnn.model_file import from_dict, to_dict
 from softnn.models.units import Units
+from softnn.report.phrases import promise
 
 HOOKE = Units("hooke", (0.0, 1.0))
 ERROR = 0.01
@@ -107,11 +108,26 @@ def test_a_second_loading_tells_what_first_loading_cannot():
 # --- how sure it makes ----------------------------------------------------------------
 
 
-def test_predictions_far_apart_settle_everything():
-    left = among(stored(SOFTENS), stored(SETS), error=1e-4)
+def test_no_model_is_nearer_to_the_truth_than_models_are_to_one_another():
+    left = among(stored(SOFTENS), stored(SETS), share=[0.6, 0.4])
     score = left.score(made([0, 0.5, 0, 0.5, 0]))
-    assert score.gain == pytest.approx(np.log(2), rel=0.02)  # all of the entropy
-    assert (score.sure, score.right) == (pytest.approx(1.0), pytest.approx(1.0))
+    apart = score.apart[0, 1]
+    assert apart > 10 * ERROR
+    # RMS over pairs drawn by their probabilities, a model beside itself among them.
+    assert score.error == pytest.approx(np.sqrt(ERROR**2 + 0.48 * apart**2))
+    near = left.score(made([0, 0.5]))
+    assert near.error == pytest.approx(ERROR, rel=0.1)
+    blank = left.score(made([0, 0.5], kind="blank"))
+    assert blank.error < ERROR  # a load cell without a specimen obeys no law
+
+
+def test_the_farther_apart_predictions_lie_the_more_is_settled():
+    left = among(stored(SOFTENS), stored(SETS), error=1e-3)
+    mild = among(stored(("mullins_softening", {"depth": 0.02})), stored(), error=1e-3)
+    programme = made([0, 0.5, 0, 0.5, 0])
+    scores = [mild.score(programme), left.score(programme), left.score(programme, 3)]
+    assert scores[0].gain < scores[1].gain < scores[2].gain < np.log(2)
+    assert scores[0].sure < scores[1].sure < scores[2].sure
 
 
 def test_predictions_that_agree_settle_nothing():
@@ -181,7 +197,7 @@ def test_the_promise_of_a_programme_asks_for_names_that_stay():
     left = among(*models, share=[0.49, 0.51], folds=folds, known=known)
     programme = made([0, 0.5, 0, 0.5, 0])
     alone, two = left.score(programme), left.score(programme, 2)
-    assert alone.sure < 0.7 < 0.9 < two.sure
+    assert alone.sure < 0.7 < 0.8 < two.sure
 
 
 def test_what_is_not_likely_to_settle_it_is_not_asked_for():
@@ -218,8 +234,8 @@ def test_more_specimens_are_asked_for_where_one_does_not_settle_it():
     one = found.among.score(found.programme)
     assert 1 < found.specimens <= plan.MOST_SPECIMENS
     assert found.score.sure > one.sure
-    sharp = among(stored(SOFTENS), stored(SETS), error=1e-4).plan()
-    assert sharp.specimens == 1
+    likely = among(stored(SOFTENS), stored(SETS), share=[0.87, 0.13], error=1e-4)
+    assert likely.plan().specimens == 1
 
 
 def test_two_recordings_make_no_name_sure():
@@ -369,7 +385,24 @@ def test_the_best_cheap_one_is_told():
     both = among(stored(DRIFTS), stored(SETS), known=limits_of(LOOP))
     advice = both.plan().to_dict()
     assert advice["cheap"]["kind"] in ("repeat", "twice", "blank")
-    assert 0 < advice["cheap"]["expected"]["sure"] <= 1
+    assert advice["cheap"]["expected"]["gain"] > 0
+
+
+@pytest.mark.parametrize("decided", ["prediction", "likelihood"])
+def test_a_promise_is_a_number_only_where_it_was_found_to_come_true(decided):
+    folds = np.array([[0.02, 0.03, 0.025], [0.02, 0.03, 0.025]])
+    folds = folds if decided == "prediction" else None
+    found = among(stored(SOFTENS), stored(SETS), folds=folds).plan()
+    told = found.to_dict()["expected"]
+    said = promise(told["sure"])
+    if decided == "prediction":
+        assert told["sure"] == found.score.sure
+        assert "probability" in said
+        assert "settles" in repr(found)
+    else:
+        assert told["sure"] is None
+        assert not any(c.isdigit() for c in said)
+        assert "settles" not in repr(found)
 
 
 # --- recordings that continue one another ---------------------------------------------

@@ -293,6 +293,18 @@ def test_the_next_recording_is_drawn_with_what_each_model_predicts(tmp_path):
     assert "Cheaper: repeat first on another specimen (40 %)" in text
 
 
+def test_a_recording_whose_promise_is_unknown_is_asked_for_without_one(tmp_path):
+    unknown = {"sure": None, "gain": 0.4, "error": 0.02}
+    cheap = ADVICE["cheap"] | {"expected": unknown}
+    result = changed(next_recording=ADVICE | {"expected": unknown, "cheap": cheap})
+    assert result["answer"]["next"].endswith(
+        "There the likely models differ most; whether that settles it is open. "
+        "Cheaper: repeat first on another specimen."
+    )
+    (page,) = write_report(replace(told(), result=result), tmp_path)
+    assert "Cheaper: repeat first on another specimen." in visible(page)
+
+
 def test_models_that_predict_alike_are_said_to_serve_alike(tmp_path):
     alike = {"programme": None, "expected": None, "predictions": [], "cheap": None}
     result = changed(next_recording=ADVICE | alike | {"why": "they are the same"})

@@ -10,9 +10,11 @@ with the weights of samples that errors have (`metrics.weights`). A new specimen
 scale of its own, so all predictions are first scaled to one another.
 
 *Error.* A model misses a new recording by about its error on recordings left out, which
-includes the uncertainty of its parameters, but not by less than replicates differ. This
-error is smooth, not white: it counts as `INDEPENDENT` samples, however many were
-recorded. Its size varies between recordings as it did between those left out.
+includes the uncertainty of its parameters, but not by less than replicates differ. Nor
+is it nearer to the truth than the models are to one another (their RMS distance): so it
+was with real recordings that were left out, whatever their programme. This error is
+smooth, not white: it counts as `INDEPENDENT` samples, however many were recorded. Its
+size varies between recordings as it did between those left out.
 
 *Posterior.* For each model i in turn, errors :math:`\epsilon` are drawn as if it were
 right; model j then shows the relative error :math:`|\epsilon + Z_i - Z_j|`. Where
@@ -133,7 +135,8 @@ class Plan:
     def __repr__(self) -> str:
         if self.programme is None:
             return f"<Plan: {self._nothing()}>"
-        chance = "" if self.score is None else f"; settles {percent(self.score.sure)}"
+        known = self.score is not None and self.among.promises
+        chance = f"; settles {percent(self.score.sure)}" if known and self.score else ""
         return f"<Plan: {self.programme.label}{chance}>"
 
     @property
@@ -190,7 +193,7 @@ class Plan:
         return out | {
             "why": self._why(*shown[:2]),
             "differ": float(score.apart[shown[0], shown[1]]),
-            "expected": _expected(score),
+            "expected": self._expected(score),
             "predictions": [
                 {
                     "if": self.among.named(i, shown),
@@ -209,10 +212,10 @@ class Plan:
                 "the models that are left predict the same stress everywhere in this "
                 "range, so any of them serves"
             )
+        best = f" ({percent(self.score.sure)} at best)" if self.among.promises else ""
         return (
-            "no recording within these limits is likely to tell what was left out "
-            f"({percent(self.score.sure)} at best); larger strains, other rates or "
-            "more time may (softnn plan)"
+            "no recording within these limits is likely to tell what was left out"
+            f"{best}; larger strains, other rates or more time may (softnn plan)"
         )
 
     def _shown(self, score: Score) -> list[int]:
@@ -230,8 +233,12 @@ class Plan:
         return {
             "strain_programme": programme.label,
             "kind": programme.kind,
-            "expected": _expected(score),
+            "expected": self._expected(score),
         }
+
+    def _expected(self, score: Score) -> dict[str, float | None]:
+        sure = score.sure if self.among.promises else None
+        return {"sure": sure, "gain": score.gain, "error": score.error}
 
     def _why(self, a: int, b: int) -> str:
         """Return where two predictions lie farthest apart, with both stresses."""
@@ -258,10 +265,6 @@ class Plan:
 
 def _on(branch: str) -> str:
     return "during the hold" if branch == "hold" else f"on {branch}"
-
-
-def _expected(score: Score) -> dict[str, float]:
-    return {"sure": score.sure, "gain": score.gain, "error": score.error}
 
 
 @dataclass(frozen=True)
@@ -307,6 +310,15 @@ class Alternatives:
         chance = np.array(self.probability) @ self._has
         every = zip(self.effects, chance, strict=True)
         return [n for n, p in every if LIKELY <= p < SURE]
+
+    @property
+    def promises(self) -> bool:
+        """Whether it can be said how likely a recording settles the question.
+
+        Where the likelihood decides it cannot: fitted anew, a model that is wrong comes
+        nearer to the recording than it does here, and what was promised did not come.
+        """
+        return self.sets[0].folds.size > 0
 
     def named(self, index: int, among: Sequence[int]) -> str:
         """Return what sets a model apart from others (indices), as "if slack"."""
@@ -358,6 +370,8 @@ class Alternatives:
         turn, width, _ = np.linalg.svd(z, full_matrices=False)
         apart = np.linalg.norm(z[:, None] - z[None], axis=2)
         p = np.array(self.probability)
+        if not blank:
+            error = np.hypot(error, np.sqrt(p @ apart**2 @ p))
         after, *fewer = self._after(turn * width, error, swing, specimens)
         return Score(
             float(_entropy(p) - p @ _entropy(after).mean(axis=1)),

@@ -14,7 +14,7 @@ from softnn.mismatch.compare import LIKELY, NAMED, SURE
 from softnn.mismatch.decision import HELPS
 from softnn.mismatch.prediction import BEAM
 from softnn.report.page import UNUSED
-from softnn.report.phrases import listed, number, opened, percent, plain, sure
+from softnn.report.phrases import listed, number, opened, percent, plain, promise, sure
 
 Result = Mapping[str, Any]
 
@@ -335,21 +335,17 @@ def record(advice: Mapping[str, Any], result: Result) -> str:
     if advice["expected"] is None:
         return opened(asked)
     text = opened(_purpose(advice["separates"], result) + asked)
-    text += f" {promise(advice['expected'])}"
+    text += f" {promise(advice['expected']['sure'])}"
     if cheap := advice["cheap"]:
-        chance = sure(cheap["expected"]["sure"])
-        text += f" Cheaper, with {chance}: {cheap['strain_programme']}."
+        chance = cheap["expected"]["sure"]
+        odds = "" if chance is None else f", with {sure(chance)}"
+        text += f" Cheaper{odds}: {cheap['strain_programme']}."
     return text
 
 
 def _times(advice: Mapping[str, Any]) -> str:
     """Return on how many specimens a programme is to be run; "" for one."""
     return f", on {advice['specimens']} specimens" if advice["specimens"] > 1 else ""
-
-
-def promise(expected: Mapping[str, float]) -> str:
-    """Return how likely a recording settles the question."""
-    return f"That settles it with a probability of {sure(expected['sure'])}."
 
 
 def _purpose(names: Sequence[str], result: Result) -> str:

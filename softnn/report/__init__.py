@@ -77,7 +77,7 @@ def _unbroken(value: object) -> object:
 def _templates() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    from softnn.report.phrases import number, opened, percent, plain, sure
+    from softnn.report.phrases import number, opened, percent, plain, promise, sure
 
     # Names come from files of anybody: nothing is printed that is not escaped.
     made = Environment(
@@ -88,7 +88,6 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         finalize=_unbroken,
     )
-    made.filters.update(
-        number=number, percent=percent, plain=plain, opened=opened, sure=sure
-    )
+    for said in (number, opened, percent, plain, promise, sure):
+        made.filters[said.__name__] = said
     return made

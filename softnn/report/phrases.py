@@ -34,6 +34,17 @@ def sure(probability: float) -> str:
     return "under 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
 
 
+def promise(probability: float | None) -> str:
+    """Return how likely a recording settles the question, if that is known.
+
+    >>> promise(0.7)
+    'That settles it with a probability of 70 %.'
+    """
+    if probability is None:
+        return "There the likely models differ most; whether that settles it is open."
+    return f"That settles it with a probability of {sure(probability)}."
+
+
 def plain(name: str) -> str:
     """Return the name of an effect, from its id, as a sentence has it.
 
