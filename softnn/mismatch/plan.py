@@ -370,9 +370,9 @@ class Alternatives:
         turn, width, _ = np.linalg.svd(z, full_matrices=False)
         apart = np.linalg.norm(z[:, None] - z[None], axis=2)
         p = np.array(self.probability)
-        if not blank:
-            error = np.hypot(error, np.sqrt(p @ apart**2 @ p))
-        after, *fewer = self._after(turn * width, error, swing, specimens)
+        mean = 0.0 if blank else float(np.sqrt(p @ apart**2 @ p))
+        drawn = np.hypot(error, mean)
+        after, *fewer = self._after(turn * width, drawn, swing, specimens)
         return Score(
             float(_entropy(p) - p @ _entropy(after).mean(axis=1)),
             float(p @ self.settled(after, fewer).mean(axis=1)),
