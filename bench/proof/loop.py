@@ -51,18 +51,19 @@ def loop(page: Page, found: Result) -> None:
         for arm, one in told["arms"].items()
     ]
     page.say(markdown(["recording added", "settled", "rightly", "wrongly"], rows))
-    page.figure("proof-loop", figure(told), "settled by each recording; promises")
+    page.figure("proof-loop", figure(told), "settled by each recording")
     promised = [
         f"{percent(part['promised'], 0)} promised, {share(part['came'])} came"
         for part in told["promised"]
     ]
-    page.say("By thirds of the promise to settle: " + "; ".join(promised) + ".")
+    if promised:
+        page.say("By thirds of the promise to settle: " + "; ".join(promised) + ".")
 
 
 def figure(told: Result) -> Figure:
-    """Shares settled rightly and wrongly by arm; promise and outcome by thirds."""
+    """Shares settled rightly and wrongly by arm."""
     drawn = new_figure(7.2, 3.0)
-    bars, kept = drawn.subplots(1, 2, width_ratios=(2, 1))
+    bars = drawn.subplots()
     arms = list(told["arms"])[::-1]
     for i, (kind, colour) in enumerate((("right", COLOURS[2]), ("wrong", COLOURS[1]))):
         rates = [told["arms"][arm][kind] for arm in arms]
@@ -74,18 +75,4 @@ def figure(told: Result) -> Figure:
     bars.set_xlim(0, 1)
     bars.set_xlabel("share of open cases")
     drawn.legend(loc="outside lower center", ncols=2, fontsize=8)
-    kept.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8)
-    came = [part["came"] for part in told["promised"]]
-    kept.errorbar(
-        [part["promised"] for part in told["promised"]],
-        [one["rate"] for one in came],
-        ends(came),
-        fmt="o",
-        ms=4,
-        color=COLOURS[0],
-    )
-    kept.set_xlim(-0.05, 1.05)
-    kept.set_ylim(-0.05, 1.05)
-    kept.set_xlabel("promised to settle")
-    kept.set_ylabel("settled")
     return drawn
