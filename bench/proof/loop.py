@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench.hands.families import SIDES
 from bench.reporting import ends, share
-from softnn.study.common import COLOURS, FAINT, INK, markdown, new_figure, percent
+from softnn.study.common import COLOURS, INK, markdown, new_figure, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
