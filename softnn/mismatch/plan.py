@@ -213,9 +213,11 @@ class Plan:
                 "range, so any of them serves"
             )
         best = f" ({percent(self.score.sure)} at best)" if self.among.promises else ""
+        names = [plain(n) for n in self.separates]
+        what = f"{listed(names)} apart" if names[1:] else f"whether {names[0]} is there"
         return (
-            "no recording within these limits is likely to tell what was left out"
-            f"{best}; larger strains, other rates or more time may (softnn plan)"
+            f"no recording within these limits is likely to tell {what}{best}; larger "
+            "strains, other rates or more time may (softnn plan)"
         )
 
     def _shown(self, score: Score) -> list[int]:
