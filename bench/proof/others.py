@@ -81,9 +81,9 @@ def recordings(page: Page, found: Result) -> None:
     promised = found.get("promises")
     if promised and promised["all"]["came"]["of"]:
         page.say(
-            "Of recordings that were left out, what softnn promises of recording them "
-            "(how likely they settle what is in question), and how often they did when "
-            "they were put back; in three parts by the promise, then all:",
+            "Some recordings are left out, and softnn says how likely recordings of "
+            "their programme settle what is in question. Then they are put back. In "
+            "three parts by that promise, then all together:",
             markdown(*promise.table(promised)),
         )
     faults = found.get("faults")
