@@ -48,9 +48,13 @@ def promised(found: Diagnosis, left: Case) -> dict[str, Any]:
 
 
 def settled(whole: Row, asked: Sequence[str]) -> bool:
-    """Whether an effect in question is sure with all recordings, or none is likely."""
-    sure = [s for s in whole.said(SURE) if s & set(asked)]
-    return bool(sure) or all(whole.chance.get(n, 0.0) < LIKELY for n in asked)
+    """Whether an effect in question is sure with all recordings, or none is likely.
+
+    A class of laws is no answer here, since none is promised.
+    """
+    sure = {n for n in whole.selected if whole.chance.get(n, 0.0) >= SURE}
+    none = all(whole.chance.get(n, 0.0) < LIKELY for n in asked)
+    return none or bool(sure & set(asked))
 
 
 def promises(rows: Sequence[Row]) -> dict[str, Any]:
