@@ -306,6 +306,14 @@ def test_what_was_in_question_is_settled_with_the_recordings_put_back(chance, ca
     assert promise.settled(row_of("all", **chance), ["slack", "slip"]) == came
 
 
+def test_a_class_of_laws_settles_nothing_since_names_are_promised():
+    whole = row_of("all", slack=0.6, slip=0.4)
+    laws = [{"name": "", "members": ["slack", "slip"], "probability": 1.0}]
+    whole = replace(whole, classes=laws)
+    assert whole.said(0.9)
+    assert not promise.settled(whole, ["slack", "slip"])
+
+
 def test_promises_stand_beside_what_came_of_them():
     whole = row_of("all", slack=0.95, slip=0.3)
     asked = [
