@@ -250,7 +250,7 @@ def write_tidy(
     the folder. `taken` are names already written by this command, which are not
     used again. Raises `InputError` where it would write over one of `sources`.
     """
-    from softnn.readers.tidy import write_table
+    from softnn.readers.tidy import spare, write_table
 
     stem = re.sub(r"[^A-Za-z0-9._-]+", "_", recording.name).strip("._-")[:100]
     stem = base = stem if stem not in ("", "index") else "recording"
@@ -260,11 +260,7 @@ def write_tidy(
         stem = f"{base}-{count}"
     taken.add(stem.casefold())
     path = folder / f"{stem}.csv"
-    if path.resolve() in sources:
-        raise InputError(
-            "is itself one of the files to read, and would be lost; name another --out",
-            file=path,
-        )
+    spare(path, sources)
     write_table(path, recording.columns)
     picture = path.with_suffix(".png")
     try:

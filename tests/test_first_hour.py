@@ -142,7 +142,9 @@ def test_a_misspelt_name_is_met_with_the_nearest(words, meant, tmp_path, capsys)
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", ["read", "diagnose", "simulate", "export", "demo"])
+@pytest.mark.parametrize(
+    "command", ["read", "diagnose", "plan", "simulate", "export", "demo"]
+)
 def test_every_help_has_an_example(command, capsys):
     with pytest.raises(SystemExit, match="0"):
         main([command, "--help"])

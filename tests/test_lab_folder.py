@@ -29,7 +29,11 @@ import softnn
 from softnn import progress
 from softnn.cli import main
 from softnn.contracts import InputError
-from softnn.mismatch.api import to_case
+from softnn.fit import Guess
+from softnn.mismatch.api import plausible, to_case
+from softnn.mismatch.case import case_of
+from softnn.model_file import to_dict
+from softnn.models.units import Units
 from softnn.readers.tidy import read_tidy, write_table
 
 
@@ -398,6 +402,37 @@ def test_simulate_takes_what_diagnose_takes(lab, tmp_path, capsys):
         assert float(re.search(r"error ([\d.]+) %", line)[1]) == pytest.approx(
             100 * error, rel=0.01
         )
+
+
+@pytest.mark.parametrize("given", ["FOLDER", "FILE"])
+def test_simulate_writes_over_no_file_that_it_reads(tmp_path, capsys, given):
+    raw, model = tmp_path / "raw", tmp_path / "model.json"
+    raw.mkdir()
+    written(raw / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    before = (raw / "a.csv").read_bytes()
+    guess = Guess(Units("hooke", (0.0, 1.0)), np.array([2.0]))
+    model.write_text(json.dumps(to_dict(guess, (), "fresh", False)))
+    source = raw if given == "FOLDER" else raw / "a.csv"
+    code, _, err = told(capsys, "simulate", model, source, "--as-is", "--out", raw)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "would be lost" in err
+    assert (raw / "a.csv").read_bytes() == before
+    out = tmp_path / "out"
+    for _ in range(2):  # what it wrote itself is made anew
+        code, _, err = told(capsys, "simulate", model, source, "--as-is", "--out", out)
+        assert code == 0
+    assert (out / "a.csv").is_file()
+
+
+def test_a_specimen_that_breaks_in_part_is_told(tmp_path):
+    stress = np.where(np.arange(len(TIME)) > 0.4 * len(TIME), 0.2, 1.0) * STRESS
+    one = softnn.Recording(TIME, STRAIN, stress, name="a")
+    notes = plausible(case_of([one], "c")).notes
+    (said,) = [n for n in notes if "failure" in n]
+    at = float(re.search(r"at ([\d.]+) s", said)[1])
+    assert at == pytest.approx(TIME[int(0.4 * len(TIME))], rel=0.05)
+    whole = softnn.Recording(TIME, STRAIN, STRESS, name="a")
+    assert not any("failure" in n for n in plausible(case_of([whole], "c")).notes)
 
 
 def test_dir_shows_the_public_names():

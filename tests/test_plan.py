@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from made import straight
 
+from softnn import Recording, diagnose
 from softnn.axes import COMPONENTS, SPECIMEN
 from softnn.cli import main
 from softnn.contracts import InputError
@@ -540,3 +541,44 @@ def test_models_that_are_alike_and_poor_ask_for_what_was_not_recorded():
     assert (
         "each twice" in among(stored(SOFTENS), action="record").plan().programme.label
     )
+
+
+@pytest.mark.parametrize(
+    ("minutes", "said"),
+    [(None, "each twice"), (2.0, "each twice"), (1.0, "two cycles"), (0.6, "a cycle")],
+)
+def test_a_programme_of_every_loading_keeps_to_the_time(minutes, said):
+    library = Library(limits_of(RAMP), Limits(minutes=minutes), SPECIMEN)
+    found = library.covering()
+    assert said in found.label
+    if minutes:
+        assert found.seconds <= 60 * minutes * (1 + 1e-9)
+    moves = np.sign(np.diff(found.strain))
+    assert {1, -1, 0} <= set(moves)  # it loads, unloads and holds
+
+
+def test_one_cycle_that_takes_too_long_is_refused():
+    library = Library(limits_of(RAMP), Limits(minutes=0.1), SPECIMEN)
+    with pytest.raises(InputError, match="no programme fits into these limits"):
+        library.covering()
+
+
+@pytest.mark.slow
+def test_a_model_that_runs_away_on_what_was_left_out_stops_no_answer():
+    """An approach at exactly zero: in that stretch any stress is a huge share of it."""
+    time = np.linspace(0, 40, 200)
+    strain = np.interp(time, [0, 20, 40], [0, 0.5, 0])
+    share = np.zeros(200)  # of a branch of 5 s, by steps of the strain
+    for i in range(1, 200):
+        share[i] = share[i - 1] * np.exp(-0.2 / 5) + 0.05 * np.diff(strain)[i - 1]
+    loop = np.round(0.6 * strain * (1 - 0.25 * strain) + share, 6)
+    before = np.linspace(0, 39.8, 200)
+    one = Recording(
+        np.concatenate([before, time + 40]),
+        np.concatenate([0.15 * before / 40, 0.15 + strain]),
+        np.concatenate([0 * before, loop]),
+        name="a",
+    )
+    told = diagnose(one).result["alternatives"]
+    assert max(max(a["folds"]) for a in told["sets"]) == plan.BEYOND
+    assert Alternatives.from_dict(told).to_dict() == told

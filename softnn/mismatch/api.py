@@ -10,6 +10,8 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+import numpy as np
+
 from softnn import readers
 from softnn.axes import Axes, common
 from softnn.cards.given import Given
@@ -22,6 +24,8 @@ from softnn.mismatch.case import (
     Case,
     case_of,
     check_sizes,
+    mask_failure,
+    mask_gaps,
     read_case,
     read_notes,
 )
@@ -137,7 +141,22 @@ def plausible(case: Case, as_is: bool = False) -> Case:
     notes += going_on(case.recordings, case.history)
     if not case.groups():
         notes += one_size(case.recordings) or scattered(case.recordings)
-    return replace(case, recordings=tuple(kept), notes=(*case.notes, *notes))
+    case = replace(case, recordings=tuple(kept))
+    return replace(case, notes=(*case.notes, *notes, *_failed(case)))
+
+
+def _failed(case: Case) -> list[str]:
+    """Return what is told of recordings that are used up to a failure only."""
+    out, whole = [], mask_gaps(case)
+    for one, cut in zip(whole.recordings, mask_failure(whole).recordings, strict=True):
+        gone = np.isfinite(one.stress_MPa) & ~np.isfinite(cut.stress_MPa)
+        if gone.any():
+            at, stress = one.time_s[gone.argmax()], one.axes.stress.name
+            out.append(
+                f"{one.name}: {stress} falls by more than two thirds at {at:.4g} s and "
+                "does not come back: taken as a failure; what follows is not used"
+            )
+    return out
 
 
 def _each(case: Case, check: Callable[[Recording, bool], Any]) -> list[str]:

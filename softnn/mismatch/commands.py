@@ -155,7 +155,7 @@ def add_plan(commands: Any) -> None:
         "--max-strain",
         type=float,
         metavar="X",
-        help="largest strain, as 0.5 for 50 % (of a component in its own unit)",
+        help="largest strain, as 0.5 for 50 %% (of a component in its own unit)",
     )
     parser.add_argument(
         "--max-rate", type=float, metavar="R", help="largest strain rate, 1/s"
@@ -323,7 +323,7 @@ def simulate(arguments: argparse.Namespace) -> int:
         known_by_name,
         outside,
     )
-    from softnn.readers.tidy import write_table
+    from softnn.readers.tidy import spare, write_table
     from softnn.recording import bridged
 
     model = load_model(arguments.model)
@@ -351,12 +351,17 @@ def simulate(arguments: argparse.Namespace) -> int:
                 f"model knows {', '.join(known) or 'no recording by name'}"
             )
         called = [arguments.like] * len(names)
+    taken: set[str] = set()
+    paths = [out / f"{batch.file_name(name, taken)}.csv" for name in names]
+    given = [Path(p) for p in arguments.recordings]
+    sources = {f.resolve() for p in given for f in (p, *p.rglob("*"))}
+    for path in paths:
+        spare(path, sources)
     stress = model.stress(called, chunks, needed)
     for line in [*notes, *beyond(model, names, chunks, arguments.like is None)]:
         print(f"softnn: {line}", file=sys.stderr)
     lines = []
-    taken: set[str] = set()
-    for history, s in zip(every, stress, strict=True):
+    for history, s, path in zip(every, stress, paths, strict=True):
         chunk, measured = history.chunk, history.measured
         table: dict[str, Any] = {
             "time_s": chunk.time_s,
@@ -373,7 +378,6 @@ def simulate(arguments: argparse.Namespace) -> int:
         if hasattr(model, "outside"):
             table["outside"] = model.outside(chunk)
             told += outside(table["outside"])
-        path = out / f"{batch.file_name(history.name, taken)}.csv"
         write_table(path, table)
         lines.append(f"{told}; written to {path}")
     print("\n".join(lines))

@@ -52,6 +52,7 @@ from softnn.contracts import Array, InputError
 from softnn.mismatch.compare import FLOOR, LIKELY, NAMED, SURE, shares
 from softnn.mismatch.prediction import ENOUGH, Candidate
 from softnn.mismatch.programmes import (
+    NONE_FITS,
     Library,
     Limits,
     Programme,
@@ -77,6 +78,7 @@ MORE = 0.1  # least gain in the promise by a further specimen
 UNSEEN = ("record_more", "record_unloading")  # actions: too little was shown
 CLEAR = 3.0  # times the error, from which more distance makes no clearer picture
 ALIKE = 0.05  # of the best gain, within which the shorter programme is taken
+BEYOND = 1e3  # an error; a model that is off by more says nothing
 FILE, DONE = "next_recording.csv", "diagnosis.json"
 DRAWN = 300  # samples of a programme that are kept for figures
 
@@ -500,10 +502,7 @@ class Alternatives:
         if not own and every:
             return Plan(self, library.covering(), None)
         if not own:
-            raise InputError(
-                "no programme fits into these limits; allow more --minutes or a larger "
-                "--max-rate"
-            )
+            raise InputError(NONE_FITS)
         cheap = max(
             ((p, s) for p, s in scored if p.kind != "programme" and s.sure >= LIKELY),
             key=lambda f: f[1].gain,
@@ -647,8 +646,11 @@ def alternatives(told: Judgement, history: str, axes: Axes) -> Alternatives:
         stored = from_dict(to_dict(guess, data.names, history, False, axes=own))
         assert isinstance(stored, Stored)
         folds = account.nrmse if isinstance(account, Candidate) else np.zeros(0)
-        error = float(told.heldout(account).nrmse)
-        sets.append(Alternative(effects, total[effects], error, stored, folds))
+        folds, error = (
+            np.minimum(np.nan_to_num(x, nan=BEYOND), BEYOND)
+            for x in (folds, told.heldout(account).nrmse)
+        )
+        sets.append(Alternative(effects, total[effects], float(error), stored, folds))
     known = recorded(
         data.names, data.chunks, data.stress_MPa, data.continued, axes.strain.one
     )

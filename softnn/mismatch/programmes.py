@@ -31,6 +31,9 @@ LEAST_HOLD = 20  # samples of the finest clock
 REPEATS = 10  # cycles of a programme of equal cycles
 WARM = 1.0  # degC; temperatures that differ by less are one
 STEP = 1e-6  # of the duration; a step of strain takes so long
+NONE_FITS = (
+    "no programme fits into these limits; allow more --minutes or a larger --max-rate"
+)
 
 
 @dataclass(frozen=True)
@@ -281,6 +284,7 @@ class Library:
         self.back = (low if self.up == high else high) if both else 0.0
         usual = max(min(USUAL_S, TIMES * known.longest_s), known.longest_s)
         self.most_s = usual if limits.minutes is None else 60 * limits.minutes
+        self.limit_s = np.inf if limits.minutes is None else self.most_s
         self.held_s = self.most_s if limits.minutes else HELD * known.longest_s
         self.fast = known.fast if limits.max_rate is None else limits.max_rate
         self.slow = min(known.slow, self.fast / SLOWER)
@@ -293,18 +297,35 @@ class Library:
         return [self._after(p) for p in found.values()]
 
     def covering(self) -> Programme:
-        """Return a programme that shows every kind of loading, whatever time allows."""
+        """Return a programme that shows every kind of loading.
+
+        It takes the time it takes, unless the user limits it: then there are fewer
+        levels, and a shorter hold. Raises `InputError` if one cycle does not fit.
+        """
         x, r = self.up, self.fast
-        most = [x / 3, x / 3, 2 * x / 3, 2 * x / 3, x, x]
-        cycled: Moves = [m for e in most for m in ((e, r), (0.0, r))]
         hold = _round(max(HELD * self.known.longest_s, 2 * abs(x) / r))
-        top, third = self.level(x), self.level(x / 3)
-        made = self._sampled(
-            f"cycles to {third}, {self.level(2 * x / 3)} and {top}, each twice, at "
-            f"{self.rate(r)}, then a hold of {_seconds(hold)} at {top}",
-            *_path([*cycled, (x, r), (np.nan, hold)]),
-        )
-        return self._after(made)
+        least = min(LEAST_HOLD * self.known.interval_s, hold)
+        third, two, top = (self.level(e) for e in (x / 3, 2 * x / 3, x))
+        for levels, times, what in (
+            (
+                (x / 3, 2 * x / 3, x),
+                2,
+                f"cycles to {third}, {two} and {top}, each twice,",
+            ),
+            ((x,), 2, f"two cycles to {top}"),
+            ((x,), 1, f"a cycle to {top}"),
+        ):
+            cycles: Moves = [m for e in levels for m in [(e, r), (0.0, r)] * times]
+            left = self.limit_s - _path([*cycles, (x, r)])[0][-1]
+            if left < least:
+                continue
+            hold = min(hold, _round(left)) if left < hold else hold
+            made = self._sampled(
+                f"{what} at {self.rate(r)}, then a hold of {_seconds(hold)} at {top}",
+                *_path([*cycles, (x, r), (np.nan, hold)]),
+            )
+            return self._after(made)
+        raise InputError(NONE_FITS)
 
     def level(self, strain: float) -> str:
         """Return a strain in words."""

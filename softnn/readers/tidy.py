@@ -14,7 +14,7 @@ import io
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +138,15 @@ def write_index(folder: Path, recordings: Mapping[str, Recording]) -> None:
     writer.writeheader()
     writer.writerows(rows.values())
     write_text(index, out.getvalue())
+
+
+def spare(path: Path, sources: Collection[Path]) -> None:
+    """Raise `InputError` where writing `path` would destroy one of `sources`."""
+    if path.resolve() in sources:
+        raise InputError(
+            "is itself one of the files to read, and would be lost; name another --out",
+            file=path,
+        )
 
 
 def write_table(path: Path, columns: Mapping[str, Any]) -> None:
