@@ -45,6 +45,8 @@ STILL = 1e-9  # MPa, or another unit: what moves by less is noise of arithmetic
 FEWEST = 16  # samples, below which no shape in time is judged
 FEW = 5  # samples, below which nothing is
 STANDS = 0.02  # of its size, by which a strain that stands may drift
+UNMOVED = 1e-4  # of the range of strain, by which it may move and yet stand
+STUCK_S, RISES = 0.05, 0.2  # of the time, and of the range of stress: no relaxation
 WHITE = 0.5  # von Neumann's ratio over 2: 1 of white noise, 0 of a smooth course
 GONE = 0.06  # of the peak, that a torn specimen may still show
 WHOLE = 0.3  # of it, that a specimen bore just before it tore
@@ -602,6 +604,12 @@ def _notes(time: Array, strain: Array, stress: Array, advice: Advice) -> list[st
             f"time counts in whole numbers, {np.median(np.diff(time)):g} s apart; if "
             f"they are ms, say {advice.unit('time', 'ms')}"
         )
+    if (at := stuck(time, strain, stress)) is not None:
+        notes.append(
+            f"strain stands at {strain[at]:.4g} from {time[at]:.4g} s on while the "
+            "stress rises; has its sensor come off, or is it at its end? Another "
+            "column is named with --strain or --displacement"
+        )
     if len(time) >= FEWEST and loaded_by_stress(time, strain, stress):
         notes.append(
             "stress runs straight in time and strain does not, as under load control; "
@@ -636,6 +644,23 @@ def _still(strain: Array, stress: Array, axes: Axes, tell: Tell) -> None:
         "the ramp to it recorded? Another one is named with --strain or --displacement",
         x.column,
     )
+
+
+def stuck(time: Array, strain: Array, stress: Array) -> int | None:
+    """The sample from which the strain stands while the stress rises; None if none.
+
+    In a hold stress relaxes. Where it rises, an extensometer has come off or is at its
+    end.
+    """
+    span = float(np.ptp(strain)), float(np.ptp(np.abs(stress)))
+    still = np.abs(np.diff(strain)) <= UNMOVED * span[0]
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], still, [0]])))
+    for first, last in ends.reshape(-1, 2):
+        load = np.abs(stress[first : last + 1])
+        long = time[last] - time[first] > STUCK_S * np.ptp(time)
+        if long and last - first >= FEWEST and load.max() - load[0] > RISES * span[1]:
+            return int(first)
+    return None
 
 
 def white(values: Array) -> float:

@@ -34,6 +34,7 @@ from softnn.mismatch.api import plausible, to_case
 from softnn.mismatch.case import case_of
 from softnn.model_file import to_dict
 from softnn.models.units import Units
+from softnn.plausible import check_plausible
 from softnn.readers.tidy import read_tidy, write_table
 
 
@@ -433,6 +434,20 @@ def test_a_specimen_that_breaks_in_part_is_told(tmp_path):
     assert at == pytest.approx(TIME[int(0.4 * len(TIME))], rel=0.05)
     whole = softnn.Recording(TIME, STRAIN, STRESS, name="a")
     assert not any("failure" in n for n in plausible(case_of([whole], "c")).notes)
+
+
+def test_a_strain_that_stops_while_the_stress_rises_is_told():
+    stops = np.where(TIME > 5, np.interp(5, TIME, STRAIN), STRAIN)
+    (note,) = [n for n in check_plausible(made(stops, STRESS)) if "stands at" in n]
+    assert float(re.search(r"from ([\d.]+) s", note)[1]) == pytest.approx(5, abs=0.2)
+    # In a hold the stress relaxes, and an offset of it changes nothing.
+    held = np.minimum(STRAIN, 0.2)
+    for stress in (held * np.exp(-TIME / 10), held * np.exp(-TIME / 10) - 0.05):
+        assert not any("stands at" in n for n in check_plausible(made(held, stress)))
+
+
+def made(strain, stress):
+    return softnn.Recording(TIME, strain, stress, name="a")
 
 
 def test_dir_shows_the_public_names():
