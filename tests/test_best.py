@@ -42,7 +42,7 @@ def kept(path: Path):
     given = content["settings"]
     settings = Settings(**{**given, "neurons": tuple(given["neurons"])})
     (data,) = prepared(settings)
-    return content, settings, Trainer(data, settings)
+    return content, settings, Trainer(data, settings, Training(**content["training"]))
 
 
 def test_there_is_a_configuration_to_hold():
