@@ -123,7 +123,7 @@ def text(trials: Sequence[Row], settings: Settings, results: Path, label: str) -
 
 
 def plateau(errors: Mapping[int, float]) -> int:
-    """The fewest neurons whose error is above the least by 1 % at most.
+    """Return the fewest neurons whose error is above the least by 1 % at most.
 
     >>> plateau({1: 0.3, 2: 0.1004, 3: 0.1, 4: 0.1009}), plateau({1: 0.1, 2: 0.3})
     (2, 1)
@@ -151,7 +151,7 @@ def lines(
 
 
 def least(line: Line) -> str:
-    """The least error of a line, its neurons, and the fewest that are as good.
+    """Return the least error of a line, its neurons, and the fewest as good, in words.
 
     >>> least({1: 0.3, 2: 0.1004, 3: 0.1})
     '10.00 % (3, 2)'
@@ -161,7 +161,7 @@ def least(line: Line) -> str:
 
 
 def middle(line: Line) -> str | None:
-    """The median over neurons of a line."""
+    """Return the median over neurons of a line."""
     return percent(float(np.median(list(line.values()))), 1)
 
 
@@ -170,7 +170,7 @@ def summary(
     say: Callable[[Line], str | None] = least,
     by: str = "random",
 ) -> str:
-    """What is said of each line, as a table with the materials across."""
+    """Return a table with a row a line and a column a material; `say` fills a cell."""
     every = {m["material"]: lines(m["trials"], by) for m in materials}
     rows = [
         [name, how, *(say(of[name, how]) for of in every.values())]

@@ -72,7 +72,7 @@ def written(claims: Sequence[Claim]) -> str:
 
 
 def least(folds: Mapping[str, Sequence[float]]) -> list[str]:
-    """What has the least mean over folds, and what is within its standard error.
+    """Return the names with the least mean over folds, or within its standard error.
 
     >>> least({"a": [1.0, 1.2, 1.4], "b": [1.2, 1.3, 1.4], "c": [2.0, 2.1, 2.2]})
     ['a', 'b']

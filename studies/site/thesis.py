@@ -63,9 +63,9 @@ PICTURES = {
         ),
         *(
             (
-                number,
+                f"{number}, {name}",
                 f"neurons-all-{name}",
-                f"{name}: R2 and error by neurons; diamond: Table 6.6",
+                "R2 and error by neurons; diamond: Table 6.6",
             )
             for name, number in {
                 "EPR": "6.4", "FR": "6.4", "NatPolR": "6.4", "NR": "6.5", "PR": "6.5",
@@ -150,9 +150,9 @@ def _index() -> str:
             "Series-elastic Actuators* (PhD thesis, 2020) measured seven materials, "
             "fitted piecewise-linear viscoelastic models and small networks to them, "
             "and tested them in an actuator. These pages are for readers who compare "
-            "softnn with the thesis: each has the tables of a chapter, the results of "
-            "softnn, what the thesis says in words and whether it is found so, its "
-            "figures, and the commands that make them.",
+            "softnn with the thesis. Each has the tables and figures of a chapter "
+            "beside the results of softnn, and the commands that make them. It says "
+            "which statements of the thesis are found so, and which are contradicted.",
             CAUTION,
             *(
                 f"- [{make.__doc__.splitlines()[0]}](chapter-{n}.md)"
@@ -559,9 +559,7 @@ def _grid(found: Row) -> list[str]:
         "The least error of each line. In brackets: its neurons, and the fewest "
         f"neurons within {percent(compared.ENOUGH - 1, 0)} of it.",
         compared.summary(materials),
-        "The same networks at rates never seen: the median over the counts of "
-        "neurons. Random folds hardly tell the regularisations apart; rates never "
-        "seen do.",
+        "The same networks at rates never seen: the median over the counts of neurons.",
         compared.summary(materials, compared.middle, "unseen"),
         *_missing([m["material"] for m in materials], "grid"),
     ]
@@ -725,9 +723,9 @@ FUTURE = """\
   [the search over architectures](../architectures.md).
 - *Synthetic data*: `python -m studies.augmentation`.
 - *Parallel elasticity, co-contraction, variable recruitment, muscle redundancy*: no
-  study. They are designs of an actuator, not models of a material; the thesis gives
-  neither a load nor a control law for them, so that any figure would be of numbers made
-  up here. The blocks are there (`softnn.actuator`, `softnn.motor`) for who has both."""
+  study. They are designs of an actuator, not models of a material. The thesis gives
+  neither a load nor a control law for them, so every figure would be made up. The
+  blocks are there (`softnn.actuator`, `softnn.motor`) for those who have both."""
 
 CHAPTERS: dict[int, Callable[[], str]] = {
     3: gait,
