@@ -520,6 +520,7 @@ def networks() -> str:
         "*Fewest as good*: the fewest neurons with an R2 within one standard error of "
         "the largest. From there to 20 neurons the errors tie, and which of them is "
         "the largest R2 is chance, in the thesis and here.",
+        _few_at_rates(),
         remarks("6.6"),
         "## Figs 6.4 to 6.6 for every input and regularisation",
         *_grid(result(GRID)),
@@ -622,6 +623,13 @@ def _of_specimens(found: Row) -> str:
         f"{one['specimens']} of {every['specimens']}, with {percent(share, 1)} of the "
         "samples."
     )
+
+
+def _few_at_rates() -> str:
+    """Errors of the fewest neurons at rates never seen, in words."""
+    found = {m["material"]: m["headline"] for m in result("neurons-all")["materials"]}
+    errors = {k: f"{percent(h['nrmse_rate_few'])}" for k, h in found.items()}
+    return f"At rates never seen the fewest have {claims.listed(errors)}."
 
 
 def _regularisation() -> str:
