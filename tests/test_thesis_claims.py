@@ -39,6 +39,7 @@ CONTRADICTED = {
         "past strain",
         "first rule",
         "networks or springs",
+        "best inputs of the grid",
         "bayesian better",
         "too many neurons",
         "too many neurons, unseen",

@@ -467,7 +467,7 @@ def _grid(materials: Sequence[Result]) -> list[Claim]:
             "best inputs of the grid",
             "6.4.1",
             "a network of strain and rate does better than one of strains",
-            "of all counts and regularisations the least has "
+            "inputs of the least error of all counts and regularisations: "
             + listed({k: min(of, key=lambda i: of[i]) for k, of in by_inputs.items()}),
             {
                 k: of["FFRD4"] <= compared.ENOUGH * min(of.values())
