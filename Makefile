@@ -33,7 +33,7 @@ neurons: $(STAMP) ## the main job: which network for which use, some minutes, in
 
 # Studies of minutes; those of hours are named in the help. Each replaces its own files.
 STUDIES ?= gait tendon virtual_specimens properties segments branches accuracy rates \
-    inputs neurons regularisation feedback natr actuator realtime dynamic
+    inputs neurons regularisation feedback natr actuator realtime survivor dynamic
 # Chapter 6 shows all seven materials.
 OPTIONS_inputs := --material all
 OPTIONS_neurons := --as-in-thesis --material all --keep-best

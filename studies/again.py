@@ -118,13 +118,17 @@ def trainer_of(result: Result, one: Result) -> tuple[Trainer, Data]:
     return Trainer(data, settings, training), data
 
 
+def rows_of(one: Result) -> list[Any]:
+    """The trials of a material; of a sweep over neurons, those on other folds too."""
+    if one.get("trials"):
+        return list(one["trials"])
+    judged = [t for splits in one["networks"].values() for t in splits.values()]
+    return [*one["grid"], *(t for t in judged if "not_possible" not in t)]
+
+
 def trained(result: Result, rng: Rng) -> Iterator[Row]:
     """One cross-validated configuration after the other, of any material."""
-    every = [
-        (one, row)
-        for one in result["materials"]
-        for row in quick(one.get("trials") or one["grid"])
-    ]
+    every = [(one, row) for one in result["materials"] for row in quick(rows_of(one))]
     for one, row in shuffled(every, rng):
         trainer, _ = trainer_of(result, one)
         chosen = {k: row[k] for k in PARAMETERS if k in row}

@@ -21,6 +21,7 @@ from softnn import dynamic, virtual
 from softnn.contracts import Array, Chunk, InputError
 from softnn.materials import table
 from softnn.model_file import read_model
+from softnn.neural import STEADY
 from softnn.readers.tidy import load
 from softnn.recording import Recording, data_hash
 from softnn.study import common, holding
@@ -150,7 +151,7 @@ def fitted(data: Data, settings: Settings) -> dict[str, dynamic.Simulates]:
             network = holding.of_piecewise(fits[model, way], data.tensile)
             every[f"{model}, {WAYS[way]}"] = holding.stored(network, data.tensile)
     neurons = table("6.6").row(material=data.material, model="ANN")["neurons"]
-    trainer = Trainer(data, settings)
+    trainer = Trainer(data, settings, STEADY)
     for inputs, lag_s in NETWORKS.items():
         about = {"inputs": inputs, "neurons": neurons, "lag_s": lag_s}
         every[f"{inputs}, {neurons} neurons"] = trainer.whole(about)

@@ -30,6 +30,7 @@ from softnn.study.settings import Settings
 
 MATERIAL, INPUTS, NEURONS, FOLDS = "NatR", "FFRD4", 20, 10
 PUBLISHED = {"all": 0.249, "a tenth": 0.05}  # Table 6.6; text of section 6.4.2
+AT_RANDOM, SPECIMENS = "a tenth at random", "one of ten specimens of each rate"
 DRAWS = 200  # of a tenth in whole specimens
 BINS = 50  # of the strain, for the scatter between specimens
 THINNED = 10  # of a way every so many samples: neighbours say the same thing twice
@@ -96,10 +97,10 @@ def ways(
     mean = prepare.unify(order)
     few = one_of(order, 10)[owner]
     return {
-        "a tenth at random": (order, np.sort(drawn)),
+        AT_RANDOM: (order, np.sort(drawn)),
         "the first tenth": (order, np.arange(tenth)),
         "the last tenth": (order, np.arange(count - tenth, count)),
-        "one of ten specimens of each rate": (order, np.flatnonzero(few)),
+        SPECIMENS: (order, np.flatnonzero(few)),
         "the first tenth of each specimen": (order, np.flatnonzero(share < 0.1)),
         "mean curves": (mean, np.arange(len(samples(mean, INPUTS).target))),
     }  # fmt: skip

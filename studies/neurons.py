@@ -22,12 +22,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from bench.architectures.choices import FINALISTS
 from bench.architectures.trials import trials_of
 from softnn.contracts import InputError
+from softnn.neural import STEADY
 from softnn.search import Value
 from softnn.study import choice
 from softnn.study.common import guarded
@@ -43,6 +45,7 @@ from softnn.study.settings import (
     study_parser,
 )
 from softnn.study.sweep import Sweep, trial_entry, write_all
+from softnn.study.trainer import Trainer
 from studies import architectures
 from studies.shown import neurons as shown
 
@@ -141,7 +144,7 @@ def run(settings: Settings, places: Places, keep_best: bool = False) -> dict[str
             choice.keep(told, data, BEST)
     if places.worker:
         return {}
-    return write_all("neurons", settings, places, found)
+    return write_all("neurons", settings, places, found, training=asdict(STEADY))
 
 
 def study(data: Data, settings: Settings, places: Places) -> dict[str, Any] | None:
@@ -152,7 +155,10 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any] | No
         "split": list(SPLITS),
     }
     total = len(settings.neurons) + len(others)
-    with Sweep(THESIS, data, settings, space, places, total, sampler="grid") as sweep:
+    # At rates never seen other training moves by several per cent with the processor.
+    trainer = Trainer(data, settings, STEADY)
+    about = space, places, total, 1, trainer
+    with Sweep(THESIS, data, settings, *about, sampler="grid") as sweep:
         sweep.together(
             [{"neurons": n, "split": settings.split} for n in settings.neurons]
         )
@@ -172,7 +178,7 @@ def study(data: Data, settings: Settings, places: Places) -> dict[str, Any] | No
         rows = shown.comparison(data, judged, baselines)
         headline = shown.headline_of(judged, baselines)
         network = sweep.trainer.whole(best.parameters)
-        chosen = choice.configuration(best, settings)
+        chosen = choice.configuration(best, settings, STEADY)
         kept = {"best": chosen, "network": network.source}
         text = shown.track(sweep, places, grid, best, rows, headline, kept)
         sweep.register(network, ["best-random"])

@@ -42,7 +42,7 @@ def kept(path: Path):
     given = content["settings"]
     settings = Settings(**{**given, "neurons": tuple(given["neurons"])})
     (data,) = prepared(settings)
-    return content, settings, Trainer(data, settings)
+    return content, settings, Trainer(data, settings, Training(**content["training"]))
 
 
 def test_there_is_a_configuration_to_hold():
@@ -156,11 +156,6 @@ def test_kept_networks_are_those_that_are_recommended():
             assert {k: mine[k] for k in CONFIGURATION} == wanted
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="not all of them have been trained again by "
-    "`python -m studies.architectures --keep-published`",
-)
 def test_every_recommended_network_is_kept():
     held = sum(len(published) for published in published_choices().values())
     assert len(CASES) == held

@@ -178,6 +178,16 @@ def test_misses_of_a_trial_are_listed_and_other_cases_were_right():
     assert named(trial, "b", "single", ["inertia"]) == {"selected": ["inertia"]}
 
 
+def test_a_sweep_over_neurons_is_checked_on_folds_never_seen_too():
+    from studies.again import rows_of
+
+    judged = {"random": {"split": "random"}, "rate": {"split": "rate"}}
+    judged["specimen"] = {"not_possible": "one specimen"}
+    swept = {"grid": [{"split": "random"}], "networks": {"few": judged}}
+    assert [r["split"] for r in rows_of(swept)] == ["random", "random", "rate"]
+    assert rows_of({"trials": [1, 2], "front": [3]}) == [1, 2]
+
+
 def test_cases_of_other_hands_are_those_that_were_forged(tmp_path):
     from bench.hands import forging
 

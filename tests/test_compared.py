@@ -160,10 +160,29 @@ def test_the_published_grid_stands_beside_where_there_is_one(tmp_path):
     assert "published" not in compared.text(*about, "PR, virtual specimens")
 
 
-def test_least_error_and_plateau_of_every_line():
-    grid = [
-        row("FFRD4", "bayesian", n, e) for n, e in enumerate((0.3, 0.1005, 0.1, 0.2), 1)
+def whole_grid():
+    """Trials of one material: each line is a multiple of the one before it."""
+    kinds = product(PUBLISHED, WAYS["regularisation"])
+    return [
+        row(name, how, n, k * e) | {"unseen": 2 * k * e}
+        for k, (name, how) in enumerate(kinds, 1)
+        for n, e in enumerate((0.03, 0.01005, 0.01, 0.02), 1)
     ]
-    found = compared.summary([{"material": "PR", "trials": grid}])
-    assert "10.00 % at 3, plateau from 2" in found
-    compared.draw([{"material": "PR", "trials": grid}])
+
+
+def test_least_error_and_fewest_neurons_of_every_line():
+    materials = [{"material": "PR", "trials": whole_grid()}]
+    found = compared.summary(materials)
+    last = [c.strip() for c in found.splitlines()[-1].strip("|").split("|")]
+    assert last == ["FFRD4", "l2", "12.00 % (3, 2)"]
+    unseen = compared.summary(materials, compared.middle, "unseen")
+    assert unseen.splitlines()[-1].split("|")[-2].strip() == "36.1 %"
+
+
+def test_the_figure_of_a_grid_rings_the_least_and_can_be_read():
+    materials = [{"material": "PR", "trials": whole_grid()}]
+    *_, last = compared.draw(materials).axes
+    ring, bar = (next(x for x in last.lines if x.get_marker() == m) for m in "o|")
+    assert (ring.get_xdata()[0], bar.get_xdata()[0]) == (3, 2)
+    labels = [t.get_text() for t in last.figure.axes[0].get_yticklabels()]
+    assert [t for t in labels if t]

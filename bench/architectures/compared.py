@@ -7,7 +7,7 @@ grid) or some, as the result file keeps trials.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -123,58 +123,72 @@ def text(trials: Sequence[Row], settings: Settings, results: Path, label: str) -
 
 
 def plateau(errors: Mapping[int, float]) -> int:
-    """The fewest neurons from which on no error is above the least by 1 %.
+    """Return the fewest neurons whose error is above the least by 1 % at most.
 
     >>> plateau({1: 0.3, 2: 0.1004, 3: 0.1, 4: 0.1009}), plateau({1: 0.1, 2: 0.3})
     (2, 1)
     """
     least = min(errors.values())
-    able = [n for n, e in errors.items() if e <= ENOUGH * least]
-    return min(able)
+    return min(n for n, e in errors.items() if e <= ENOUGH * least)
 
 
-def lines(trials: Sequence[Row]) -> dict[tuple[str, str], dict[int, float]]:
-    """Error by neurons, by inputs and regularisation; whole trials alone."""
+Line = Mapping[int, float]
+"""Error by neurons."""
+
+
+def lines(
+    trials: Sequence[Row], by: str = "random"
+) -> dict[tuple[str, str], dict[int, float]]:
+    """Error by neurons, by inputs and regularisation; whole trials alone.
+
+    `by` is "random" for random folds, "unseen" for rates never seen.
+    """
     found: dict[tuple[str, str], dict[int, float]] = {}
     for (name, how, count), t in sorted(points(trials).items()):
         if t["stopped_after"] is None:
-            found.setdefault((name, how), {})[count] = t["random"]
+            found.setdefault((name, how), {})[count] = t[by]
     return found
 
 
-def summary(materials: Sequence[Mapping[str, Any]]) -> str:
-    """Least error of each line of each material, where it is, where its plateau begins.
+def least(line: Line) -> str:
+    """Return the least error of a line, its neurons, and the fewest as good, in words.
 
-    As a table: inputs and regularisation down, materials across.
+    >>> least({1: 0.3, 2: 0.1004, 3: 0.1})
+    '10.00 % (3, 2)'
     """
-    every = {m["material"]: lines(m["trials"]) for m in materials}
-    rows = []
-    for name in PUBLISHED:
-        for how in METHODS:
-            cells = []
-            for of in every.values():
-                line = of.get((name, how))
-                cells.append(None if line is None else _least(line))
-            rows.append([name, how, *cells])
-    return markdown(["inputs", "regularisation", *every], rows)
-
-
-def _least(line: Mapping[int, float]) -> str:
     count = min(line, key=lambda n: line[n])
-    return f"{percent(line[count])} at {count}, plateau from {plateau(line)}"
+    return f"{percent(line[count])} ({count}, {plateau(line)})"
+
+
+def middle(line: Line) -> str | None:
+    """Return the median over neurons of a line."""
+    return percent(float(np.median(list(line.values()))), 1)
+
+
+def summary(
+    materials: Sequence[Mapping[str, Any]],
+    say: Callable[[Line], str | None] = least,
+    by: str = "random",
+) -> str:
+    """Return a table with a row a line and a column a material; `say` fills a cell."""
+    every = {m["material"]: lines(m["trials"], by) for m in materials}
+    rows = [
+        [name, how, *(say(of[name, how]) for of in every.values())]
+        for name in PUBLISHED
+        for how in METHODS
+    ]
+    return markdown(["inputs", "regularisation", *every], rows)
 
 
 def draw(materials: Sequence[Mapping[str, Any]]) -> Figure:
     """Error against neurons, a row a material, a panel an input; choice ringed."""
     figure = new_figure(9.6, 1.9 * len(materials) + 0.6)
-    grid = figure.subplots(len(materials), len(PUBLISHED), squeeze=False)
+    grid = figure.subplots(len(materials), len(PUBLISHED), squeeze=False, sharey="row")
     for panels, one in zip(grid, materials, strict=True):
         every = lines(one["trials"])
         for axes, name in zip(panels, PUBLISHED, strict=True):
             for colour, how in zip(COLOURS, METHODS, strict=False):
-                line = every.get((name, how), {})
-                if not line:
-                    continue
+                line = every[name, how]
                 x, y = np.array(list(line)), 100 * np.array(list(line.values()))
                 axes.plot(x, y, ".-", color=colour, lw=1, markersize=3, label=how)
                 best, begins = int(np.argmin(y)), plateau(line)
@@ -182,17 +196,16 @@ def draw(materials: Sequence[Mapping[str, Any]]) -> Figure:
                 axes.plot(x[best], y[best], "o", **about)
                 axes.plot(begins, 100 * line[begins], "|", **about, markeredgewidth=2)
             axes.set_title(f"{one['material']}, {name}")
-            axes.set_yscale("log")
-            axes.yaxis.set_major_formatter("{x:g}")
-            axes.yaxis.set_minor_formatter("")
+            axes.set_xticks(x[x % 5 == 0])
             axes.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
+        panels[0].set_ylim(bottom=0)
         panels[0].set_ylabel("NRMSE [%]")
     for axes in grid[-1]:
         axes.set_xlabel("neurons")
     handles, labels = grid[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
     figure.suptitle(
-        "random folds; ring: least error, bar: where the plateau begins (within 1 %)",
+        "random folds; ring: least error, bar: fewest neurons within 1 % of it",
         fontsize=9,
         x=0.01,
         ha="left",

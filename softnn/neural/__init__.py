@@ -22,7 +22,7 @@ from softnn.neural.inputs import (
     architecture_of,
     samples,
 )
-from softnn.neural.levenberg import Settings, device_of
+from softnn.neural.levenberg import STEADY, Settings, device_of
 from softnn.neural.network import (
     BoundedNetwork,
     Network,
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ARCHITECTURES",
     "PUBLISHED",
+    "STEADY",
     "Architecture",
     "BoundedNetwork",
     "Network",

@@ -50,6 +50,7 @@ class Settings:
 
 
 DEFAULTS = Settings()
+STEADY = Settings(grid=2.0**-12)  # ends alike on processors that round differently
 SINGULAR = 1e-12  # of the largest element, by which a singular matrix is moved off
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from softnn import json_file
 from softnn.contracts import InputError
 from softnn.json_file import plain
+from softnn.neural import Settings as Training
 from softnn.search import Finished
 from softnn.study.baselines import piecewise_baselines
 from softnn.study.common import percent
@@ -74,11 +75,14 @@ def entries_of(
     }
 
 
-def configuration(best: Finished, settings: Settings) -> dict[str, Any]:
+def configuration(
+    best: Finished, settings: Settings, training: Training
+) -> dict[str, Any]:
     """Return the settings to train the best network again, and its errors."""
     wanted = replace(settings, neurons=(best.parameters["neurons"],))
     return {
         "settings": asdict(wanted),
+        "training": asdict(training),
         "generalisation_error": best.value,
         "nrmse": best.result["nrmse"],
         "r2_mean": best.result["r2_mean"],

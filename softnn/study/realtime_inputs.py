@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softnn import virtual
 from softnn.contracts import Array
-from softnn.neural import samples, train
+from softnn.neural import STEADY, samples, train
 from softnn.neural.guard import DIRECTION
 from softnn.study.material_data import Data
 
@@ -74,7 +74,11 @@ def law(strain: Array) -> Array:
 def networks(
     data: Data, architecture: str, number: int, neurons: int, seed: int
 ) -> list[Any]:
-    """Networks of one kind on all samples of all specimens, as published."""
+    """Networks of one kind on all samples of all specimens.
+
+    A sine leaves the strains and rates of their training, where rounding of the targets
+    by 1e-13 moved a third of all figures by more than 1 %. `STEADY` lets it move none.
+    """
     known = samples(data.tensile, architecture)
     every = np.ones((number, len(known.target)), bool)
     seeds = [1000 * seed + i for i in range(number)]
@@ -84,6 +88,7 @@ def networks(
         neurons=[neurons] * number,
         train_mask=every,
         seeds=seeds,
+        settings=STEADY,
     )
     return [one.network for one in trained]
 

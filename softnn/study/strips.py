@@ -23,7 +23,7 @@ from softnn.models.fit_piecewise import fit_jointly
 from softnn.models.segments import Equal
 from softnn.models.units import Units
 from softnn.motor import Bundle, Motor, Strip
-from softnn.neural import Seen, StoredNetwork, samples, train
+from softnn.neural import STEADY, Seen, StoredNetwork, samples, train
 from softnn.recording import Recording
 
 NAME, STEP_S = "NatPolR", 1e-3
@@ -88,6 +88,7 @@ def strip_models(
             neurons=[NEURONS],
             train_mask=np.ones((1, len(rows.target)), bool),
             seeds=[seed],
+            settings=STEADY,
         )
         network = StoredNetwork(one.network, architecture, None, Seen.of(known))
         models[name] = Compiled(network)

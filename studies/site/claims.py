@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import mean, stdev
+from statistics import mean, median, stdev
 from typing import Any
 
 import numpy as np
 
+from bench.architectures import compared
+from bench.architectures.compared import METHODS
 from softnn.materials import MATERIALS, table
+from softnn.neural import PUBLISHED
 from softnn.study.common import markdown, percent
 
 Result = Mapping[str, Any]
@@ -21,6 +24,7 @@ PL = ("PL-SLS", "PL-Wiechert")
 CLOSE = 1.1  # errors "very similar" in the thesis: one at most 1.1 times the other
 CLEAR = 10.0  # "an order of magnitude"
 FEW_R2 = 0.999
+TEN = 10  # neurons
 
 
 @dataclass(frozen=True)
@@ -61,14 +65,14 @@ def written(claims: Sequence[Claim]) -> str:
     wrong = sum(bool(c.contradicted) for c in claims)
     heads = ["section", "the thesis says", "found", "so"]
     return (
-        f"{markdown(heads, rows)}\n\nOf these {len(claims)} statements "
-        f"{len(claims) - wrong} are found so; {wrong} are contradicted, in all of "
-        "their cases or in those named."
+        f"{markdown(heads, rows)}\n\nStatements found so: {len(claims) - wrong} of "
+        f"{len(claims)}. Contradicted, in all of their cases or in those named: "
+        f"{wrong}."
     )
 
 
 def least(folds: Mapping[str, Sequence[float]]) -> list[str]:
-    """What has the least mean over folds, and what is within its standard error.
+    """Return the names with the least mean over folds, or within its standard error.
 
     >>> least({"a": [1.0, 1.2, 1.4], "b": [1.2, 1.3, 1.4], "c": [2.0, 2.1, 2.2]})
     ['a', 'b']
@@ -146,7 +150,7 @@ def _tolerance(segments: Mapping[str, Any], best: Mapping[str, Any]) -> list[Cla
         return all(fits)
 
     at_least = {
-        f"{name}, {model}": best[name][model]["tolerance"]
+        f"{name} ({model})": best[name][model]["tolerance"]
         for name in best
         for model in PL
     }
@@ -160,7 +164,7 @@ def _tolerance(segments: Mapping[str, Any], best: Mapping[str, Any]) -> list[Cla
     fewer = {k: [best[k][m]["segments"] for m in PL] for k in said}
     bent = {k: exponential(k) for k in best}
     falling = {
-        f"{k}, {m}": bool(np.all(np.diff(counts(k, m)) <= 0)) for k in best for m in PL
+        f"{k} ({m})": bool(np.all(np.diff(counts(k, m)) <= 0)) for k in best for m in PL
     }
     return [
         Claim(
@@ -244,13 +248,13 @@ def _over_rates(over: Mapping[str, Any]) -> list[Claim]:
             rows = models[m]["as_in_thesis"]["nrmse_by_rate"]
             errors = [rows[rate] for rate in sorted(rows, key=float)]
             if k != "SR":
-                farther[f"{k}, {m}"] = errors == sorted(errors, reverse=True)
+                farther[f"{k} ({m})"] = errors == sorted(errors, reverse=True)
     slower = {}
     for k, models in over.items():
         for m in PL:
             each = models[m]["fitted_at_each_rate"]
             errors = [each[r]["generalisation_error"] for r in each]
-            slower[f"{k}, {m}"] = errors[0] < errors[-1]
+            slower[f"{k} ({m})"] = errors[0] < errors[-1]
     first = ("EPR", "SR")
     return [
         Claim(
@@ -312,8 +316,12 @@ def _predecessor(accuracy: Mapping[str, Any]) -> Claim:
 
 # --- chapter 6 ------------------------------------------------------------------------
 
+CHAPTER_6 = ("inputs-all", "feedback", "neurons-all", "grid-all")  # results
 
-def networks(inputs: Result, feedback: Result, neurons: Result) -> list[Claim]:
+
+def networks(
+    inputs: Result, feedback: Result, neurons: Result, grid: Result
+) -> list[Claim]:
     """Section 6.4."""
     folds = {
         name: {t["inputs"]: t["nrmse"] for t in m["trials"] if t["split"] == "random"}
@@ -323,7 +331,12 @@ def networks(inputs: Result, feedback: Result, neurons: Result) -> list[Claim]:
     gain = {
         k: v["nrmse_without_feedback"] / v["nrmse_measured"] for k, v in fed.items()
     }
-    return [*_inputs(folds), _feedback(gain), *_neurons(by_material(neurons))]
+    return [
+        *_inputs(folds),
+        _feedback(gain),
+        *_neurons(by_material(neurons)),
+        *_grid(grid["materials"]),
+    ]
 
 
 def _inputs(folds: Mapping[str, Mapping[str, Sequence[float]]]) -> list[Claim]:
@@ -429,6 +442,88 @@ def _neurons(neurons: Mapping[str, Any]) -> list[Claim]:
     ]
 
 
+def _grid(materials: Sequence[Result]) -> list[Claim]:
+    """What the whole grid says of inputs, regularisation and neurons."""
+    every = {m["material"]: compared.lines(m["trials"]) for m in materials}
+    known = {k: of["FFRD4", "bayesian"] for k, of in every.items()}
+    stopped = {k: of["FFRD4", "early-stopping"] for k, of in every.items()}
+    by_inputs = {
+        k: {i: min(min(of[i, how].values()) for how in METHODS) for i in PUBLISHED}
+        for k, of in every.items()
+    }
+    bayesian = {k: min(v.values()) for k, v in known.items()}
+    early = {k: min(v.values()) for k, v in stopped.items()}
+    most = {k: (v[max(v)], min(v.values())) for k, v in known.items()}
+    few = {k: compared.plateau(v) for k, v in known.items()}
+    far = {}
+    for m in materials:
+        line = compared.lines(m["trials"], "unseen")["FFRD4", "bayesian"]
+        at_most = median(e for n, e in line.items() if n <= TEN)
+        far[m["material"]] = at_most, median(e for n, e in line.items() if n > TEN)
+    printed = {k: table("6.6").row(material=k, model="ANN")["neurons"] for k in every}
+    percents = f"{percent(compared.ENOUGH - 1, 0)}"
+    return [
+        Claim(
+            "best inputs of the grid",
+            "6.4.1",
+            "a network of strain and rate does better than one of strains",
+            "inputs of the least error of all counts and regularisations: "
+            + listed({k: min(of, key=lambda i: of[i]) for k, of in by_inputs.items()}),
+            {
+                k: of["FFRD4"] <= compared.ENOUGH * min(of.values())
+                for k, of in by_inputs.items()
+            },
+        ),
+        Claim(
+            "bayesian better",
+            "6.4",
+            "Bayesian regularisation does better than early stopping",
+            listed(
+                {
+                    k: f"{percent(b)} against {percent(early[k])}"
+                    for k, b in bayesian.items()
+                }
+            )
+            + f"; better by more than {percents} of the error",
+            {k: compared.ENOUGH * b < early[k] for k, b in bayesian.items()},
+        ),
+        Claim(
+            "too many neurons",
+            "6.2",
+            "too many neurons bring a risk of over-fitting",
+            "by random folds, "
+            + listed(
+                {
+                    k: f"{percent(last)} with {max(known[k])}, least {percent(best)}"
+                    for k, (last, best) in most.items()
+                }
+            )
+            + f"; above the least by more than {percents} of it",
+            {k: last > compared.ENOUGH * best for k, (last, best) in most.items()},
+        ),
+        Claim(
+            "too many neurons, unseen",
+            "6.2",
+            "over-fitting keeps a network from generalising",
+            f"at rates never seen, the median error with more than {TEN} neurons "
+            f"against at most {TEN}: "
+            + listed(
+                {k: f"{percent(b)} against {percent(a)}" for k, (a, b) in far.items()}
+            ),
+            {k: b > compared.ENOUGH * a for k, (a, b) in far.items()},
+        ),
+        Claim(
+            "more than ten",
+            "6.1",
+            f"the best number of neurons exceeds {TEN} (Table 6.6: "
+            f"{listed({k: str(n) for k, n in printed.items()})})",
+            f"fewest within {percents} of the least error: "
+            + listed({k: str(n) for k, n in few.items()}),
+            {k: n > TEN for k, n in few.items()},
+        ),
+    ]
+
+
 # --- chapter 7 ------------------------------------------------------------------------
 
 VARYING, CONSTANT = "derivative", "constant 250 mm/min"
@@ -448,7 +543,7 @@ def real_time(result: Result) -> list[Claim]:
     }
     number = varying["networks"]
     error = {s: varying[f"nrmse_{s}"] for s in "abd"}
-    stable = {s: constant[f"{s}_negative_in"] for s in "abd"}
+    stable = {s: constant[f"{s}_negative_in"] for s in "ab"}
 
     def counted(s: str) -> str:
         return f"negative stress in {varying[f'{s}_negative_in']} of {number} networks"
@@ -491,7 +586,9 @@ def real_time(result: Result) -> list[Claim]:
             "constant stable", "7.3, Fig. 7.3",
             "at a constant rate the network is very stable",
             "negative stress in "
-            + listed({f"({s})": f"{n} of {number}" for s, n in stable.items()}),
+            + listed({f"({s})": f"{n} of {number}" for s, n in stable.items()})
+            + f"; of (c), whose strain is negative, "
+            f"{percent(constant['c_negative_share'], 0)} of the time",
             {s: n == 0 for s, n in stable.items()},
         ),
     ]  # fmt: skip
@@ -505,6 +602,6 @@ def every(result: Callable[[str], Result]) -> dict[int, list[Claim]]:
     return {
         3: motion(result("gait")),
         5: piecewise(result("accuracy"), result("rates"), result("segments")),
-        6: networks(result("inputs-all"), result("feedback"), result("neurons-all")),
+        6: networks(*(result(name) for name in CHAPTER_6)),
         7: real_time(result("realtime")),
     }

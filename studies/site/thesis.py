@@ -7,11 +7,13 @@ there is no measurement. Figures of real recordings are separate and say so.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from statistics import mean, median
 from typing import Any
 
+from bench.architectures import compared
+from bench.architectures.trials import WEIGHT
 from bench.checking import moved
 from softnn.materials import MATERIALS, material, table
 from softnn.neural import PUBLISHED
@@ -61,9 +63,9 @@ PICTURES = {
         ),
         *(
             (
-                number,
+                f"{number}, {name}",
                 f"neurons-all-{name}",
-                f"{name}: R2 and error by neurons; diamond: Table 6.6",
+                "R2 and error by neurons; diamond: Table 6.6",
             )
             for name, number in {
                 "EPR": "6.4", "FR": "6.4", "NatPolR": "6.4", "NR": "6.5", "PR": "6.5",
@@ -86,7 +88,9 @@ COMMANDS = {
     "neurons": "neurons --as-in-thesis --material all --keep-best",
     "regularisation": "regularisation --material all",
 }
-INLINE = ("feedback", "dynamic", "tendon", "actuator")  # no figure of the thesis
+GRID = compared.GRID
+INLINE = ("feedback", GRID, "dynamic", "tendon", "actuator")  # not in the thesis
+HOURS = ("grid",)  # studies that `make results` leaves out
 CAUTION = (
     "*Published*: as printed in the thesis. *Found*: on virtual specimens that imitate "
     "the published ones. The recordings behind the thesis were never published."
@@ -129,9 +133,12 @@ def _commands(study: Sequence[str]) -> str:
     lines = "\n".join(
         f"python -m studies.{COMMANDS.get(s, s)} --publish" for s in study
     )
+    long = [s for s in study if s in HOURS]
+    but = f" but for `studies.{'`, `studies.'.join(long)}`, which takes hours"
     return (
         "## The commands\n\nEach makes its result, its tables and its figures again. "
-        f"`make results` makes those of all chapters.\n\n```\n{lines}\n```"
+        f"`make results` makes those of all chapters{but if long else ''}.\n\n"
+        f"```\n{lines}\n```"
     )
 
 
@@ -143,9 +150,9 @@ def _index() -> str:
             "Series-elastic Actuators* (PhD thesis, 2020) measured seven materials, "
             "fitted piecewise-linear viscoelastic models and small networks to them, "
             "and tested them in an actuator. These pages are for readers who compare "
-            "softnn with the thesis: each has the tables of a chapter, the results of "
-            "softnn, what the thesis says in words and whether it is found so, its "
-            "figures, and the commands that make them.",
+            "softnn with the thesis. Each has the tables and figures of a chapter "
+            "beside the results of softnn, and the commands that make them. It says "
+            "which statements of the thesis are found so, and which are contradicted.",
             CAUTION,
             *(
                 f"- [{make.__doc__.splitlines()[0]}](chapter-{n}.md)"
@@ -493,13 +500,9 @@ def networks() -> str:
         "on both sides, so they tell how well a network interpolates: whole specimens "
         "and whole rates left out stand beside. Every error is an NRMSE, with R2 in "
         "brackets.",
-        ["inputs", "feedback", "neurons", "natr", "regularisation"],
+        ["inputs", "feedback", "neurons", "grid", "natr", "regularisation"],
         "## What the thesis says, and what is found",
-        claims.written(
-            claims.networks(
-                result("inputs-all"), result("feedback"), result("neurons-all")
-            )
-        ),
+        claims.written(claims.networks(*(result(name) for name in claims.CHAPTER_6))),
         "## Section 6.4.1: which inputs?",
         "Figs 6.2 and 6.3 of the thesis: 20 neurons, a tenth of the samples, drawn at "
         "random. " + inputs.NOTE,
@@ -508,7 +511,7 @@ def networks() -> str:
         _inputs("rate"),
         "## Section 6.4.1: stress as an input",
         feedback.report(result("feedback")["materials"]),
-        *_missing(result("feedback")["materials"]),
+        *_missing(result("feedback")["materials"], "feedback"),
         f"{feedback.DRAWN}: " + feedback.sentence(result("feedback")["headline"]),
         "![a network on measured stress, and on its own](feedback.png)",
         printed("6.2"),
@@ -517,12 +520,16 @@ def networks() -> str:
         "*Fewest as good*: the fewest neurons with an R2 within one standard error of "
         "the largest. From there to 20 neurons the errors tie, and which of them is "
         "the largest R2 is chance, in the thesis and here.",
+        _few_at_rates(),
         remarks("6.6"),
+        "## Figs 6.4 to 6.6 for every input and regularisation",
+        *_grid(result(GRID)),
         "## NatR: 25 % by all samples, 5 % by a tenth?",
         "The thesis does not say how it took the tenth. *Scatter alone* is what the "
         "mean stress of these specimens leaves, at each strain and rate. Every tenth "
         "sample of each way is taken.",
         natr.report(result("natr")["ways"]),
+        _of_specimens(result("natr")),
         natr.sentence(result("natr")["headline"]),
         "## Which regularisation?",
         "20 neurons and a tenth of the samples, so that there is something to overfit. "
@@ -533,12 +540,30 @@ def networks() -> str:
     )
 
 
-def _missing(found: Row) -> list[str]:
+def _missing(found: Iterable[str], study: str) -> list[str]:
     """A sentence on materials that a result lacks."""
-    rest = [name for name in MATERIALS if name not in found]
+    rest = [name for name in MATERIALS if name not in set(found)]
     if not rest:
         return []
-    return [f"Not computed yet: {', '.join(rest)} (`python -m studies.feedback`)."]
+    return [f"Not computed yet: {', '.join(rest)} (`python -m studies.{study}`)."]
+
+
+def _grid(found: Row) -> list[str]:
+    """The whole grid: least errors, errors at unseen rates, and the picture."""
+    materials, given = found["materials"], found["settings"]
+    first, *_, last = given["neurons"]
+    return [
+        f"{first} to {last} neurons, {len(PUBLISHED)} inputs and {len(WAYS)} ways of "
+        f"regularisation, {given['folds']} random folds each; {given['samples']} "
+        f"samples of a recording, and a lag is one of them; L2 weight {WEIGHT:g}.",
+        f"![error by neurons for every input and regularisation]({GRID}.png)",
+        "The least error of each line. In brackets: its neurons, and the fewest "
+        f"neurons within {percent(compared.ENOUGH - 1, 0)} of it.",
+        compared.summary(materials),
+        "The same networks at rates never seen: the median over the counts of neurons.",
+        compared.summary(materials, compared.middle, "unseen"),
+        *_missing([m["material"] for m in materials], "grid"),
+    ]
 
 
 def _scored(error: float | None, r2: float | None) -> str | None:
@@ -585,6 +610,26 @@ def _counts() -> str:
         ],
         rows,
     )
+
+
+def _of_specimens(found: Row) -> str:
+    """How much a tenth in whole specimens of each rate is, rounded up at each."""
+    ways = {row["way"]: row for row in found["ways"]}
+    one, every = ways[natr.SPECIMENS], ways[natr.AT_RANDOM]
+    whole = table("6.2").row(material=natr.MATERIAL)["total"]
+    share = one["samples"] * found["thin"] / whole
+    return (
+        f"*{natr.SPECIMENS[0].upper()}{natr.SPECIMENS[1:]}*, rounded up: "
+        f"{one['specimens']} of {every['specimens']}, with {percent(share, 1)} of the "
+        "samples."
+    )
+
+
+def _few_at_rates() -> str:
+    """Errors of the fewest neurons at rates never seen, in words."""
+    found = {m["material"]: m["headline"] for m in result("neurons-all")["materials"]}
+    errors = {k: f"{percent(h['nrmse_rate_few'])}" for k, h in found.items()}
+    return f"At rates never seen the fewest have {claims.listed(errors)}."
 
 
 def _regularisation() -> str:
@@ -686,9 +731,9 @@ FUTURE = """\
   [the search over architectures](../architectures.md).
 - *Synthetic data*: `python -m studies.augmentation`.
 - *Parallel elasticity, co-contraction, variable recruitment, muscle redundancy*: no
-  study. They are designs of an actuator, not models of a material; the thesis gives
-  neither a load nor a control law for them, so that any figure would be of numbers made
-  up here. The blocks are there (`softnn.actuator`, `softnn.motor`) for who has both."""
+  study. They are designs of an actuator, not models of a material. The thesis gives
+  neither a load nor a control law for them, so every figure would be made up. The
+  blocks are there (`softnn.actuator`, `softnn.motor`) for those who have both."""
 
 CHAPTERS: dict[int, Callable[[], str]] = {
     3: gait,
