@@ -464,3 +464,21 @@ def test_a_listener_hears_stages_and_may_stop_the_run(tmp_path):
     shown = progress.Shown("mine", quiet=True)
     shown(progress.Progress("diagnosing", 10, 3.0, 0.5, 42.0))
     assert re.match(r"mine: comparing models \[#{10}-{10}\] .*42 s left", shown.line())
+
+
+def test_one_unit_of_time_is_advised_that_fits_all_files(tmp_path, capsys):
+    """Minutes of a slow test look like seconds of a fast one; the fast one tells."""
+    folder = tmp_path / "lab"
+    for name, lasts in (("slow", 40.0), ("fast", 4.0), ("cycle", 24.0)):
+        clock = TIME / TIME[-1] * lasts / 60
+        written(folder / f"{name}.csv", "time,strain,stress", clock, STRAIN, STRESS)
+    _, _, err = told(capsys, "diagnose", folder, "--out", tmp_path / "out")
+    typed = shlex.split(re.search(r"Type: softnn (.*)", err)[1])
+    assert [w for w in typed if w.partition("=")[0].endswith("time")] == ["time=min"]
+    # No unit makes usual tests of an impact and of a test of a week: it is asked for.
+    for name, lasts in (("slow", 6e5), ("fast", 1e-3)):
+        clock = TIME / TIME[-1] * lasts
+        written(folder / f"{name}.csv", "time,strain,stress", clock, STRAIN, STRESS)
+    _, _, err = told(capsys, "diagnose", folder, "--out", tmp_path / "out")
+    typed = shlex.split(re.search(r"Type: softnn (.*)", err)[1])
+    assert [w for w in typed if w.partition("=")[0].endswith("time")] == ["time=UNIT"]
