@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.axes import Axes
 from softnn.contracts import Array, InputError
@@ -70,6 +71,9 @@ KINDS = (
     (STIFFEST_MPa, "tendon, ligament or a plastic"),
     (np.inf, "a plastic or a metal"),
 )
+
+# What repeats one value, that far outside all others (of their range), in that share.
+MARK_FAR, MARK_MOST = 5.0, 0.1
 
 Tell = Callable[[str, str], None]  # of what, in which column
 
@@ -165,6 +169,8 @@ def check_plausible(
     where = file if file is not None else recording.name or None
     notes: list[str] = []
     advice = Advice(recording, alone)
+    if marked := marks_told(recording):
+        raise InputError(f"{marked}. If it is right, say --as-is", file=where)
 
     def refuse(message: str, column: str) -> None:
         end = "" if message.endswith("?") else "."
@@ -197,6 +203,55 @@ def check_plausible(
         _stiffness(strain, stress, advice, refuse)
         notes += _notes(time, strain, stress, advice)
     return [f"{recording.name}: {said}" for said in notes]
+
+
+def marks(values: Array) -> NDArray[np.bool_]:
+    """Which of the values (n,) repeat one number far outside all others.
+
+    As loggers write where there is no reading; a load cell that is full has values
+    all the way up to its last.
+
+    >>> marks(np.array([0.1, 0.2, -999, 0.3, 0.4, -999, 0.5, 0.6] * 2)).sum()
+    np.int64(0)
+    >>> marks(np.array([*np.linspace(0, 1, 40), -9.99, -9.99])).sum()
+    np.int64(2)
+    """
+    none = np.zeros(len(values), bool)
+    known = values[np.isfinite(values)]
+    if len(known) < FEWEST:
+        return none
+    for one in (known.min(), known.max()):
+        rest, at = known[known != one], values == one
+        if 1 < at.sum() <= max(2, MARK_MOST * len(known)) and len(rest):
+            far = min(abs(one - rest.min()), abs(one - rest.max()))
+            if far > MARK_FAR * np.ptp(rest) > 0:
+                return at
+    return none
+
+
+def marks_told(recording: Recording) -> str:
+    """Where marks of missing values stand, and what leaves them out; "" for none."""
+    axes = recording.axes
+    for axis, values in ((axes.strain, recording.strain),
+                         (axes.stress, recording.stress_MPa)):  # fmt: skip
+        at = np.flatnonzero(marks(values))
+        if not len(at):
+            continue
+        read = recording.log[0].arguments if recording.log else {}
+        if recording.source and not read.get("notes") and (
+            read.get("dialect", "tidy CSV") == "tidy CSV"
+        ):  # fmt: skip
+            places = "rows", [str(i + 2) for i in at]
+        else:
+            places = "at", [f"{recording.time_s[i]:.4g} s" for i in at]
+        shown = ", ".join(places[1][:3]) + f" and {len(at) - 3} more" * (len(at) > 3)
+        unit = "" if axis.unit == "-" else f" {axis.unit}"
+        return (
+            f"{len(at)} samples of {axis.name} are {values[at[0]]:.4g}{unit}, far "
+            f"outside all others ({places[0]} {shown}), as loggers write where there "
+            "is no reading; leave them out with --skip-bad-cells"
+        )
+    return ""
 
 
 def understood(recording: Recording) -> str:

@@ -19,7 +19,7 @@ from softnn.fit import Data
 from softnn.metrics import BAND, weights
 from softnn.model_file import HISTORIES
 from softnn.models.bases import BASES
-from softnn.plausible import Advice
+from softnn.plausible import Advice, marks_told
 from softnn.prepare import cut_failure
 from softnn.readers import ReadOptions
 from softnn.readers.folder import Found, files_of, read_files
@@ -232,6 +232,10 @@ def check_sizes(
     advice = Advice(recording, alone)
     strain = np.nanmax(np.abs(recording.strain))
     known = not recording.axes.component  # a component may have any size
+    stress = np.nanmax(np.abs(recording.stress_MPa))
+    beyond = strain > LARGEST_STRAIN or stress > LARGEST_STRESS_MPa
+    if known and beyond and (marked := marks_told(recording)):
+        raise InputError(marked, file=file)
     if known and strain > LARGEST_STRAIN:
         raise InputError(
             f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; "
@@ -240,7 +244,6 @@ def check_sizes(
             row=_row(recording, recording.strain),
             column="strain",
         )
-    stress = np.nanmax(np.abs(recording.stress_MPa))
     if known and stress > LARGEST_STRESS_MPa:
         raise InputError(
             f"stress reaches {stress:.4g} MPa; {advice.pascal()}",

@@ -13,6 +13,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from softnn.contracts import Array, InputError
+from softnn.plausible import marks
 from softnn.readers.clocks import clock, is_clock, since_an_epoch
 from softnn.readers.columns import Column, split_name
 from softnn.readers.guess import strain_unit
@@ -366,6 +367,12 @@ class Chosen:
                     "others, as loggers write where there is no reading: missing"
                 )
                 values = np.where(at, np.nan, values)
+        if self.options.skip_bad_cells and (at := marks(values)).any():
+            self.notes.append(
+                f"{at.sum()} cells of {column.name!r} are {values[at][0]:g}, far off "
+                "all others: missing (--skip-bad-cells)"
+            )
+            values = np.where(at, np.nan, values)
         return values
 
     def note_rivals(self, role: str, used: int, values: Array) -> None:

@@ -27,7 +27,8 @@ class ReadOptions:
     the file counts compression positive. `flip`: "strain" or "stress", if the file has
     its sign reversed; of one file alone, "fast.csv:strain". `zero`: count strain and
     displacement from the start of the recording. `zero_stress`: count force and stress
-    from there. `skip_bad_cells`: cells that are no numbers are missing values.
+    from there. `skip_bad_cells`: cells that are no numbers, or that
+    repeat one far outside all others, are missing values.
     """
 
     length_mm: float | None = None
