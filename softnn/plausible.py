@@ -72,6 +72,9 @@ KINDS = (
     (np.inf, "a plastic or a metal"),
 )
 
+# A simulation over the measurement, in steps of a thousand, and how near to one.
+PREFIXES = {1e3: "kPa", 1e6: "Pa", 1e-3: "GPa"}
+NEARLY = 3.0
 # What repeats one value, that far outside all others (of their range), in that share.
 MARK_FAR, MARK_MOST = 5.0, 0.1
 
@@ -183,6 +186,7 @@ def check_plausible(
 
     _still(strain, stress, axes, note if history == "continued" else refuse)
     _noise(strain, stress, axes, refuse)
+    _simulated(recording, advice, refuse)
     if np.ptp(strain) == 0:
         return [f"{recording.name}: {said}" for said in notes]
     if np.ptp(stress) < STILL:
@@ -540,6 +544,30 @@ def _noise(strain: Array, stress: Array, axes: Axes, refuse: Tell) -> None:
         "connected, and is it the right column?",
         y.column,
     )
+
+
+def _simulated(recording: Recording, advice: Advice, refuse: Tell) -> None:
+    """Refuse a simulation that is a thousand times the measurement, or a millionth."""
+    simulated, axes = recording.simulated_MPa, recording.axes
+    if simulated is None or axes.component:
+        return
+    both = np.isfinite(simulated) & np.isfinite(recording.stress_MPa)
+    if both.sum() < FEW:
+        return
+    spans = [float(np.ptp(v[both])) for v in (simulated, recording.stress_MPa)]
+    if min(spans) <= 0:
+        return
+    times = spans[0] / spans[1]
+    for size, unit in PREFIXES.items():
+        if not 1 / NEARLY < times / size < NEARLY:
+            continue
+        how = f"is it in {unit} ({advice.unit('simulated', unit)})"
+        if size < 1:
+            how += f", or the stress in kPa ({advice.unit('stress', 'kPa')})"
+        refuse(
+            f"the simulation is {times:.3g} times the measured stress; {how}?",
+            axes.simulated,
+        )
 
 
 def _possible(strain: Array, stress: Array, advice: Advice, tell: Tell) -> None:

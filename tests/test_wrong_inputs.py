@@ -137,6 +137,20 @@ def test_marks_of_missing_values_are_left_out_as_advised(tmp_path):
     assert np.isnan(one.stress_MPa).sum() == 3
 
 
+@pytest.mark.parametrize("unit", ["kPa", "Pa", "GPa"])
+def test_a_simulation_in_another_unit_is_asked_about(unit, tmp_path):
+    per_MPa = {"kPa": 1e3, "Pa": 1e6, "GPa": 1e-3}[unit]
+    file = tmp_path / "mine.csv"
+    table = np.column_stack([TIME, STRAIN, STRESS, 0.9 * per_MPa * STRESS])
+    head = f"{HEADER},simulated_MPa"
+    np.savetxt(file, table, delimiter=",", header=head, comments="")
+    with pytest.raises(InputError, match=rf"simulation.*--unit simulated={unit}\b"):
+        to_case([file])
+    assert to_case([file], as_is=True).simulated_MPa is not None
+    (made,) = to_case([file], units={"simulated": unit}).simulated_MPa
+    np.testing.assert_allclose(made, 0.9 * STRESS, rtol=1e-6)
+
+
 def test_a_case_toml_is_told_what_it_may_name(tmp_path, capsys):
     """A stored model is an option of the command, no key of the case."""
     (tmp_path / "recordings").mkdir()
