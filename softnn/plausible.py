@@ -127,6 +127,11 @@ class Advice:
         """What to do where the strain may be in per cent, or the length is wrong."""
         length, travel = self.recording.geometry.length_mm, self.made_of("displacement")
         if length is None or not travel or self.made_of("strain"):
+            if "%" in self.made_of("strain"):
+                return (
+                    "it is read in per cent: is it in per mille "
+                    f"({self.unit('strain', 'mm/m')})?"
+                )
             return (
                 f"is strain in per cent? Divide it by 100 ({self.unit('strain', '%')})"
             )
@@ -842,7 +847,7 @@ def torn(recording: Recording) -> int | None:
     stress = recording.stress_MPa[index]
     peak = float(np.abs(stress).max())
     after = np.abs(stress) <= GONE * peak
-    if peak == 0 or not after[-1] or after.all():
+    if peak == 0 or np.ptp(time) == 0 or not after[-1] or after.all():
         return None
     gone = int(
         len(after) - np.argmax(~after[::-1])

@@ -236,6 +236,18 @@ def _refuse(
             f"{len(wrong)} of {count} files cannot be read: {told}{more}{also}{leave}",
             file=folder,
         )
+    raise all_lacking(lacking, count, others, folder)
+
+
+def all_lacking(
+    lacking: Mapping[str, Lacking],
+    count: int,
+    others: bool,
+    folder: Path | None = None,
+) -> Lacking:
+    """One request for what files lack, by name; `others`: whether more lack nothing."""
+    if len(lacking) == 1 and not others:
+        return next(iter(lacking.values()))
     whole = together(lacking, others)
     alike = all(
         one.sizes == whole.sizes and one.units == whole.units
@@ -243,7 +255,7 @@ def _refuse(
     )
     names = _some(list(lacking))
     each = "" if alike else f" ({'; '.join(map(_short, lacking.items()))})"
-    raise Lacking(
+    return Lacking(
         whole.sizes,
         whole.units,
         unknown=whole.unknown,
