@@ -72,6 +72,7 @@ KINDS = (
     (np.inf, "a plastic or a metal"),
 )
 
+ABSENT = 0.05  # of the samples, without a strain or stress, beyond which it is told
 # A simulation over the measurement, in steps of a thousand, and how near to one.
 PREFIXES = {1e3: "kPa", 1e6: "Pa", 1e-3: "GPa"}
 NEARLY = 3.0
@@ -188,6 +189,18 @@ def check_plausible(
 
     def note(message: str, _: str) -> None:
         notes.append(message)
+
+    for axis, values in ((axes.strain, recording.strain),
+                         (axes.stress, recording.stress_MPa)):  # fmt: skip
+        gone = np.isnan(values)
+        if gone.mean() > ABSENT:
+            what = "; the stress there is not used" if axis is axes.strain else ""
+            note(
+                f"{100 * gone.mean():.0f} % of the {axis.name} is missing "
+                f"({gone.sum()} of {len(gone)} samples, the first at "
+                f"{recording.time_s[gone.argmax()]:.4g} s){what}",
+                axis.column,
+            )
 
     _still(strain, stress, axes, note if history == "continued" else refuse)
     _noise(strain, stress, axes, refuse)

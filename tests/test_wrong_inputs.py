@@ -51,6 +51,13 @@ def holed(values, mark):
     return out
 
 
+def blank(values, count):
+    """The values without some in the middle."""
+    out = values.copy()
+    out[60 : 60 + count] = np.nan
+    return out
+
+
 REFUSED = {
     "strain reversed": (text(strain=-STRAIN), "sign reversed"),
     "stress reversed": (text(stress=-STRESS), "sign reversed"),
@@ -88,6 +95,10 @@ NOTED = {
     "kPa of a gel": (text(stress=15 * STRESS), "kPa"),
     "milliseconds": (text(time=1e4 * TIME), "ms"),
     "hours": (text(time=TIME / 3600), "3600"),
+    "most of the stress missing": (text(stress=blank(STRESS, 168)),
+                                   "70 % of the stress is missing"),
+    "a block of strain missing": (text(strain=blank(STRAIN, 24)),
+                                  "10 % of the strain is missing"),
     "an offset": (text(stress=STRESS + 7), "offset"),
     "a component wired the other way": (
         text(stress=-30 * STRESS, strain=30 * STRAIN,
