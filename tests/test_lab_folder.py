@@ -539,3 +539,30 @@ def test_read_tells_of_a_clock_that_stands_without_a_warning(tmp_path, capsys):
     code, out, err = told(capsys, "read", file)
     assert (code, err) == (0, "")
     assert "needs a clock that runs" in out
+
+
+def test_options_that_act_on_nothing_are_told(lab, tmp_path, capsys):
+    def of(folder, **given):
+        return " | ".join(to_case(folder, **given).notes)
+
+    said = of(lab, skip=["note.txt", "*copy*"], **SIZES)
+    assert "--skip note.txt leaves nothing out" in said
+    assert "did you mean 'notes.txt'" in said
+    assert "--skip '*copy*'" not in said
+    assert "--length, --area not used" not in said
+    tidy = tmp_path / "tidy"
+    written(tidy / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    assert "--length, --area not used: the files have strain and stress" in of(
+        tidy, **SIZES
+    )
+    assert "--skip is for folders" in of([tidy / "a.csv"], skip=["b*"])
+    # Beside files of a machine the sizes are used.
+    written(tidy / "b.csv", HEADER, TIME, 0.8 * WAY, 0.8 * LOAD)
+    assert "not used" not in of(tidy, **SIZES)
+    (tidy / "index.csv").write_text("file\na.csv\n")
+    assert "act on nothing here" in of(tidy, **SIZES)
+    assert "act on nothing here" not in of(tidy)
+    for words in (["--refit"], ["--card-unit", "kPa"]):
+        code, _, err = told(capsys, "diagnose", tidy, "--out", tmp_path / "o", *words)
+        assert (code, err.count("\n")) == (2, 1)
+        assert "name one with --model CARD" in err

@@ -23,7 +23,7 @@ from softnn.readers.header import header_number
 from softnn.readers.lacking import Lacking, NoRecording, placed
 from softnn.readers.measures import STRAIN, STRESS, measure
 from softnn.readers.numbers import FEW, MANY, decimal_mark, numbers
-from softnn.readers.options import ReadOptions, Rules, name_of
+from softnn.readers.options import NO_FORCE, NO_TRAVEL, ReadOptions, Rules, name_of
 from softnn.readers.source import Source
 from softnn.readers.table import (
     Table,
@@ -257,7 +257,7 @@ class _Assembly(Chosen):
             return force / area
         stress = self.read("stress")
         if options.has_area and not options.stress:
-            self.notes.append("no force to use the given section on")
+            self.notes.append(NO_FORCE)
         if stress is not None:
             if measure(plain(self.used["stress"]), STRESS):
                 pass  # made nominal once the strain is known
@@ -453,7 +453,7 @@ class _Assembly(Chosen):
                 made = elongation / options.length_mm
                 self.note_apart(self.beside("strain"), made, "travel / length", 1)
                 return made, elongation
-            self.notes.append("no displacement to use --length on")
+            self.notes.append(NO_TRAVEL)
         strain = self.read("strain")
         if strain is not None:
             other = measure(plain(self.used["strain"]), STRAIN)

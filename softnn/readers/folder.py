@@ -27,8 +27,16 @@ from softnn import progress
 from softnn.contracts import InputError, nearest
 from softnn.json_file import write_text
 from softnn.readers.lacking import Lacking, NoRecording, together
-from softnn.readers.options import ReadOptions, is_called
-from softnn.readers.sizes import NAMES, TABLE, called, row_of, specimens, table_of
+from softnn.readers.options import NO_FORCE, NO_TRAVEL, ReadOptions, is_called
+from softnn.readers.sizes import (
+    NAMES,
+    SECTION,
+    TABLE,
+    called,
+    row_of,
+    specimens,
+    table_of,
+)
 from softnn.readers.vocabulary import WHOSE, plain
 from softnn.recording import Recording
 
@@ -95,6 +103,41 @@ def skipped(name: str, skip: Sequence[str]) -> bool:
     return any(fnmatch(name, p) or fnmatch(Path(name).name, p) for p in skip)
 
 
+def skips_in_vain(folder: Path, skip: Sequence[str]) -> list[str]:
+    """A note on each pattern that leaves no file of the folder out."""
+    names = [
+        (Path(place) / name).relative_to(folder).as_posix()
+        for place, _, inner in os.walk(folder)
+        for name in inner
+    ]
+    return [
+        f"--skip {shlex.quote(p)} leaves nothing out: no file here is called so"
+        f"{nearest(p, names)}"
+        for p in skip
+        if not any(skipped(n, [p]) for n in names)
+    ]
+
+
+def sizes_in_vain(options: ReadOptions, recordings: Sequence[Recording]) -> list[str]:
+    """A note on sizes that were given, where no recording is made with them."""
+    told = [" ".join(r.log[0].arguments.get("notes", ())) for r in recordings if r.log]
+    given = [
+        f"--{name.partition('_')[0]}"
+        for name in ("length_mm", *SECTION)
+        if getattr(options, name) is not None
+    ]
+    vain = [
+        option
+        for option in given
+        if all((NO_TRAVEL if option == "--length" else NO_FORCE) in t for t in told)
+    ]
+    if not told or not vain:
+        return []
+    what = "strain" if vain == ["--length"] else "stress"
+    what = "strain and stress" if "--length" in vain and len(vain) > 1 else what
+    return [f"{', '.join(vain)} not used: the files have {what} itself"]
+
+
 def read_files(
     folder: Path | None,
     files: Sequence[Path],
@@ -149,6 +192,7 @@ def read_files(
     if not found.recordings:
         raise InputError(_none(found.notes), file=folder)
     check_given(options, found.recordings, files)
+    found.notes += sizes_in_vain(options, found.recordings)
     _uncopied(found)
     _unlabelled(found)
     _named(found)

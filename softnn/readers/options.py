@@ -11,6 +11,9 @@ from pathlib import Path, PurePosixPath
 from softnn.contracts import InputError
 from softnn.recording import Geometry
 
+# Notes where a size was given that a file does not need.
+NO_FORCE = "no force to use the given section on"
+NO_TRAVEL = "no displacement to use --length on"
 _ENDING = re.compile(r"\.[A-Za-z]\w{0,5}")  # `0.1mm` has none, `a.tra` has one
 
 
