@@ -115,7 +115,7 @@ def _add_read(commands: argparse._SubParsersAction) -> None:
 
 def _run_read(arguments: argparse.Namespace) -> int:
     from softnn.readers import read
-    from softnn.readers.folder import all_lacking, check_given, files_of
+    from softnn.readers.folder import all_lacking, check_given, check_rows, files_of
     from softnn.readers.lacking import Lacking, NoRecording
     from softnn.readers.sizes import row_of, specimens
 
@@ -161,6 +161,12 @@ def _run_read(arguments: argparse.Namespace) -> int:
             kept.add(folder)
     # A folder of nothing but pictures and notes is not what was meant.
     failures += len({f for _, f in files if f is not None} - kept)
+    for folder, rows in sizes.items():
+        try:
+            check_rows(rows, folder, [file for file, of in files if of == folder])
+        except InputError as error:
+            print(f"softnn: {error}", file=sys.stderr)
+            failures += 1
     if lacking:
         print(f"softnn: {all_lacking(lacking, len(files), bool(found))}",
               file=sys.stderr)  # fmt: skip
@@ -198,7 +204,7 @@ def _oddities(found: Sequence[Recording]) -> list[list[str]]:
     def told(one: Recording, alone: bool) -> list[str]:
         try:
             check_sizes(one, one.name or None, alone)
-            return check_plausible(one, alone=alone)
+            return check_plausible(one, alone=alone) + accidents(one)[1]
         except InputError as error:
             return [f"{error}".replace("--as-is", "--as-is to softnn diagnose")]
 
@@ -206,7 +212,7 @@ def _oddities(found: Sequence[Recording]) -> list[list[str]]:
     wrong = {one.source for one, lines in zip(found, odd, strict=True) if lines}
     if len(wrong) < len({one.source for one in found}):
         odd = [told(one, True) for one in found]
-    return [lines + accidents(one)[1] for one, lines in zip(found, odd, strict=True)]
+    return odd
 
 
 def describe(recording: Recording) -> str:

@@ -860,7 +860,8 @@ def torn(recording: Recording) -> int | None:
     stress = recording.stress_MPa[index]
     peak = float(np.abs(stress).max())
     after = np.abs(stress) <= GONE * peak
-    if peak == 0 or np.ptp(time) == 0 or not after[-1] or after.all():
+    still = np.ptp(time) == 0 or np.ptp(strain) == 0
+    if peak == 0 or still or not after[-1] or after.all():
         return None
     gone = int(
         len(after) - np.argmax(~after[::-1])

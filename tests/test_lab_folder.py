@@ -500,6 +500,10 @@ def test_read_takes_sizes_from_the_table_of_the_folder(lab, capsys):
     code, out, err = told(capsys, "read", lab)
     assert (code, out.count("length 25 mm, area")) == (0, 2), err
     assert "area 9 mm2" in out
+    (lab / "specimens.csv").write_text("file,length_mm,area_mm2\na,25,18\nc,25,9\n")
+    code, _, err = told(capsys, "read", lab)
+    assert code == 2
+    assert "names 'c'" in err
 
 
 def test_read_advises_for_the_file_that_is_wrong_alone(tmp_path, capsys):
@@ -530,6 +534,14 @@ def test_read_says_which_units_act_on_nothing(tmp_path, capsys):
         assert (code, err.count("\n")) == (2, 1)
         assert unit.partition("=")[0] in err
         assert "rows" in out  # the file is shown all the same
+
+
+def test_read_tells_of_no_tear_where_the_numbers_are_marks(tmp_path, capsys):
+    load = np.where(np.isin(np.arange(len(TIME)), (60, 61, 62)), -999.0, STRESS)
+    file = written(tmp_path / "a.csv", TIDY, TIME, STRAIN, load)
+    _, out, _ = told(capsys, "read", file)
+    assert "leave them out with --skip-bad-cells" in out
+    assert "torn" not in out
 
 
 @pytest.mark.filterwarnings("error")

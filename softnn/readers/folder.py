@@ -154,7 +154,6 @@ def read_files(
     sizes = {} if folder is None else specimens(folder)
     found = Found(notes=list(passed))
     lacking, wrong = dict[str, Lacking](), dict[str, InputError]()
-    used: set[str] = set()
     copies = _copies(files)
     progress.stage("reading", len(files))
     for file in files:
@@ -163,7 +162,6 @@ def read_files(
             original = _shown(copies[file], folder)
             found.notes.append(f"{shown}: a copy of {original}, left out")
             continue
-        used |= set(called(shown)) & set(sizes)
         row = row_of(sizes, shown)
         progress.step(shown)
         progress.piece()
@@ -180,14 +178,8 @@ def read_files(
             wrong[shown] = error
         else:
             found.recordings += recordings
-    unused = sorted(set(sizes) - used)
-    if folder is not None and unused:
-        names = [_shown(f, folder) for f in files]
-        raise InputError(
-            f"names {unused[0]!r}{nearest(unused[0], names)}, which is no file here",
-            file=table_of(folder),
-            column="file",
-        )
+    if folder is not None:
+        check_rows(sizes, folder, files)
     _refuse(wrong, lacking, len(files), folder, bool(found.recordings))
     if not found.recordings:
         raise InputError(_none(found.notes), file=folder)
@@ -197,6 +189,18 @@ def read_files(
     _unlabelled(found)
     _named(found)
     return found
+
+
+def check_rows(sizes: Mapping[str, Any], folder: Path, files: Sequence[Path]) -> None:
+    """Raise `InputError` for a row of the table of sizes that is of no file."""
+    names = [_shown(f, folder) for f in files]
+    unused = sorted(set(sizes) - {c for n in names for c in called(n)})
+    if unused:
+        raise InputError(
+            f"names {unused[0]!r}{nearest(unused[0], names)}, which is no file here",
+            file=table_of(folder),
+            column="file",
+        )
 
 
 def check_given(
