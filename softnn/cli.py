@@ -7,9 +7,9 @@ import argparse
 import re
 import sys
 from collections.abc import Collection, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import argcomplete
 import numpy as np
@@ -114,10 +114,10 @@ def _add_read(commands: argparse._SubParsersAction) -> None:
 
 
 def _run_read(arguments: argparse.Namespace) -> int:
-    from softnn.plausible import accidents, check_plausible
     from softnn.readers import read
-    from softnn.readers.folder import files_of
-    from softnn.readers.lacking import NoRecording
+    from softnn.readers.folder import all_lacking, check_given, check_rows, files_of
+    from softnn.readers.lacking import Lacking, NoRecording
+    from softnn.readers.sizes import row_of, specimens
 
     options = options_of(arguments)
     out = Path(arguments.out) if arguments.out else None
@@ -125,38 +125,65 @@ def _run_read(arguments: argparse.Namespace) -> int:
     written: dict[str, Recording] = {}
     failures = 0
     told: list[str] = []
-    files: list[tuple[Path, bool]] = []  # and whether it must be a recording
+    # Each with the folder it was found in, which may hold files that are no test.
+    files: list[tuple[Path, Path | None]] = []
+    sizes: dict[Path, dict[str, dict[str, Any]]] = {}
     for given in map(Path, arguments.files):
         if given.is_dir():
             inner, notes = files_of(given)
             if not inner:
                 print(f"softnn: {given}: no recordings in it", file=sys.stderr)
                 failures += 1
-            files += [(file, False) for file in inner]
+            files += [(file, given) for file in inner]
+            sizes[given] = specimens(given)
             told += notes
         else:
-            files.append((given, True))
+            files.append((given, None))
     sources = {file.resolve() for file, _ in files}
-    for file, must in files:
+    found: list[Recording] = []
+    lacking: dict[str, Lacking] = {}
+    kept: set[Path] = set()  # folders with a recording
+    for file, folder in files:
+        shown = (file if folder is None else file.relative_to(folder)).as_posix()
+        row = row_of({} if folder is None else sizes[folder], shown)
         try:
-            recordings = read(file, options)
+            found += read(file, replace(options, **row))
         except InputError as error:  # the other files are still worth reading
-            if must or not isinstance(error, NoRecording):
+            if isinstance(error, Lacking):
+                lacking[shown if len(arguments.files) == 1 else file.as_posix()] = error
+            else:
+                print(f"softnn: {error}", file=sys.stderr)
+            if folder is None or not isinstance(error, NoRecording):
                 failures += 1
+            else:
+                continue
+        if folder is not None:
+            kept.add(folder)
+    # A folder of nothing but pictures and notes is not what was meant.
+    failures += len({f for _, f in files if f is not None} - kept)
+    for folder, rows in sizes.items():
+        try:
+            check_rows(rows, folder, [file for file, of in files if of == folder])
+        except InputError as error:
             print(f"softnn: {error}", file=sys.stderr)
-            continue
-        for recording in recordings:
-            told.append(describe(recording))
-            try:
-                odd = check_plausible(recording) + accidents(recording)[1]
-            except InputError as error:
-                odd = [str(error)]
-            told += [f"  odd:  {_printable(line)}" for line in odd]
-            if out is not None:
-                path = write_tidy(recording, out, taken, sources)
-                written[path.name] = recording
-                told.append(f"  written to  {path}")
-            told.append("")
+            failures += 1
+    if lacking:
+        print(f"softnn: {all_lacking(lacking, len(files), bool(found))}",
+              file=sys.stderr)  # fmt: skip
+    if found:
+        try:
+            check_given(options, found, [file for file, _ in files])
+        except InputError as error:
+            print(f"softnn: {error}", file=sys.stderr)
+            failures += 1
+    for recording, odd in zip(found, _oddities(found), strict=True):
+        told.append(describe(recording))
+        told += [f"  odd:  {_printable(line)}" for line in odd]
+        if out is not None:
+            path = write_tidy(recording, out, taken, sources)
+            written[path.name] = recording
+            told.append(f"  written to  {path}")
+        told.append("")
     if out is not None and written:
         from softnn.readers.tidy import write_index
 
@@ -164,6 +191,28 @@ def _run_read(arguments: argparse.Namespace) -> int:
     if told:
         print("\n".join(told))  # last: whoever reads on may close the pipe early
     return 2 if failures else 0
+
+
+def _oddities(found: Sequence[Recording]) -> list[list[str]]:
+    """What is odd in each recording, with advice for its file alone if others are not.
+
+    `softnn read` accepts all numbers; it is `diagnose` that has to be told.
+    """
+    from softnn.mismatch.case import check_sizes
+    from softnn.plausible import accidents, check_plausible
+
+    def told(one: Recording, alone: bool) -> list[str]:
+        try:
+            check_sizes(one, one.name or None, alone)
+            return check_plausible(one, alone=alone) + accidents(one)[1]
+        except InputError as error:
+            return [f"{error}".replace("--as-is", "--as-is to softnn diagnose")]
+
+    odd = [told(one, False) for one in found]
+    wrong = {one.source for one, lines in zip(found, odd, strict=True) if lines}
+    if len(wrong) < len({one.source for one in found}):
+        odd = [told(one, True) for one in found]
+    return odd
 
 
 def describe(recording: Recording) -> str:

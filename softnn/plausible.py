@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softnn.axes import Axes
 from softnn.contracts import Array, InputError
@@ -73,6 +74,13 @@ KINDS = (
     (np.inf, "a plastic or a metal"),
 )
 
+ABSENT = 0.05  # of the samples, without a strain or stress, beyond which it is told
+# A simulation over the measurement, in steps of a thousand, and how near to one.
+PREFIXES = {1e3: "kPa", 1e6: "Pa", 1e-3: "GPa"}
+NEARLY = 3.0
+# What repeats one value, that far outside all others (of their range), in that share.
+MARK_FAR, MARK_MOST = 5.0, 0.1
+
 Tell = Callable[[str, str], None]  # of what, in which column
 
 
@@ -122,6 +130,11 @@ class Advice:
         """What to do where the strain may be in per cent, or the length is wrong."""
         length, travel = self.recording.geometry.length_mm, self.made_of("displacement")
         if length is None or not travel or self.made_of("strain"):
+            if "%" in self.made_of("strain"):
+                return (
+                    "it is read in per cent: is it in per mille "
+                    f"({self.unit('strain', 'mm/m')})?"
+                )
             return (
                 f"is strain in per cent? Divide it by 100 ({self.unit('strain', '%')})"
             )
@@ -167,6 +180,8 @@ def check_plausible(
     where = file if file is not None else recording.name or None
     notes: list[str] = []
     advice = Advice(recording, alone)
+    if marked := marks_told(recording):
+        raise InputError(f"{marked}. If it is right, say --as-is", file=where)
 
     def refuse(message: str, column: str) -> None:
         end = "" if message.endswith("?") else "."
@@ -177,8 +192,21 @@ def check_plausible(
     def note(message: str, _: str) -> None:
         notes.append(message)
 
+    for axis, values in ((axes.strain, recording.strain),
+                         (axes.stress, recording.stress_MPa)):  # fmt: skip
+        gone = np.isnan(values)
+        if gone.mean() > ABSENT:
+            what = "; the stress there is not used" if axis is axes.strain else ""
+            note(
+                f"{100 * gone.mean():.0f} % of the {axis.name} is missing "
+                f"({gone.sum()} of {len(gone)} samples, the first at "
+                f"{recording.time_s[gone.argmax()]:.4g} s){what}",
+                axis.column,
+            )
+
     _still(strain, stress, axes, note if history == "continued" else refuse)
     _noise(strain, stress, axes, refuse)
+    _simulated(recording, advice, refuse)
     if np.ptp(strain) == 0:
         return [f"{recording.name}: {said}" for said in notes]
     if np.ptp(stress) < STILL:
@@ -199,6 +227,55 @@ def check_plausible(
         _stiffness(strain, stress, advice, refuse)
         notes += _notes(time, strain, stress, advice)
     return [f"{recording.name}: {said}" for said in notes]
+
+
+def marks(values: Array) -> NDArray[np.bool_]:
+    """Which of the values (n,) repeat one number far outside all others.
+
+    As loggers write where there is no reading; a load cell that is full has values
+    all the way up to its last.
+
+    >>> marks(np.array([0.1, 0.2, -999, 0.3, 0.4, -999, 0.5, 0.6] * 2)).sum()
+    np.int64(0)
+    >>> marks(np.array([*np.linspace(0, 1, 40), -9.99, -9.99])).sum()
+    np.int64(2)
+    """
+    none = np.zeros(len(values), bool)
+    known = values[np.isfinite(values)]
+    if len(known) < FEWEST:
+        return none
+    for one in (known.min(), known.max()):
+        rest, at = known[known != one], values == one
+        if 1 < at.sum() <= max(2, MARK_MOST * len(known)) and len(rest):
+            far = min(abs(one - rest.min()), abs(one - rest.max()))
+            if far > MARK_FAR * np.ptp(rest) > 0:
+                return at
+    return none
+
+
+def marks_told(recording: Recording) -> str:
+    """Where marks of missing values stand, and what leaves them out; "" for none."""
+    axes = recording.axes
+    for axis, values in ((axes.strain, recording.strain),
+                         (axes.stress, recording.stress_MPa)):  # fmt: skip
+        at = np.flatnonzero(marks(values))
+        if not len(at):
+            continue
+        read = recording.log[0].arguments if recording.log else {}
+        if recording.source and not read.get("notes") and (
+            read.get("dialect", "tidy CSV") == "tidy CSV"
+        ):  # fmt: skip
+            places = "rows", [str(i + 2) for i in at]
+        else:
+            places = "at", [f"{recording.time_s[i]:.4g} s" for i in at]
+        shown = ", ".join(places[1][:3]) + f" and {len(at) - 3} more" * (len(at) > 3)
+        unit = "" if axis.unit == "-" else f" {axis.unit}"
+        return (
+            f"{len(at)} samples of {axis.name} are {values[at[0]]:.4g}{unit}, far "
+            f"outside all others ({places[0]} {shown}), as loggers write where there "
+            "is no reading; leave them out with --skip-bad-cells"
+        )
+    return ""
 
 
 def understood(recording: Recording) -> str:
@@ -487,6 +564,30 @@ def _noise(strain: Array, stress: Array, axes: Axes, refuse: Tell) -> None:
         "connected, and is it the right column?",
         y.column,
     )
+
+
+def _simulated(recording: Recording, advice: Advice, refuse: Tell) -> None:
+    """Refuse a simulation that is a thousand times the measurement, or a millionth."""
+    simulated, axes = recording.simulated_MPa, recording.axes
+    if simulated is None or axes.component:
+        return
+    both = np.isfinite(simulated) & np.isfinite(recording.stress_MPa)
+    if both.sum() < FEW:
+        return
+    spans = [float(np.ptp(v[both])) for v in (simulated, recording.stress_MPa)]
+    if min(spans) <= 0:
+        return
+    times = spans[0] / spans[1]
+    for size, unit in PREFIXES.items():
+        if not 1 / NEARLY < times / size < NEARLY:
+            continue
+        how = f"is it in {unit} ({advice.unit('simulated', unit)})"
+        if size < 1:
+            how += f", or the stress in kPa ({advice.unit('stress', 'kPa')})"
+        refuse(
+            f"the simulation is {times:.3g} times the measured stress; {how}?",
+            axes.simulated,
+        )
 
 
 def _possible(strain: Array, stress: Array, advice: Advice, tell: Tell) -> None:
@@ -784,7 +885,8 @@ def torn(recording: Recording) -> int | None:
     stress = recording.stress_MPa[index]
     peak = float(np.abs(stress).max())
     after = np.abs(stress) <= GONE * peak
-    if peak == 0 or not after[-1] or after.all():
+    still = np.ptp(time) == 0 or np.ptp(strain) == 0
+    if peak == 0 or still or not after[-1] or after.all():
         return None
     gone = int(
         len(after) - np.argmax(~after[::-1])

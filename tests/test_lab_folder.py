@@ -514,3 +514,117 @@ def test_a_listener_hears_stages_and_may_stop_the_run(tmp_path):
     shown = progress.Shown("mine", quiet=True)
     shown(progress.Progress("diagnosing", 10, 3.0, 0.5, 42.0))
     assert re.match(r"mine: comparing models \[#{10}-{10}\] .*42 s left", shown.line())
+
+
+def test_one_unit_of_time_is_advised_that_fits_all_files(tmp_path, capsys):
+    """Minutes of a slow test look like seconds of a fast one; the fast one tells."""
+    folder = tmp_path / "lab"
+    for name, lasts in (("slow", 40.0), ("fast", 4.0), ("cycle", 24.0)):
+        clock = TIME / TIME[-1] * lasts / 60
+        written(folder / f"{name}.csv", "time,strain,stress", clock, STRAIN, STRESS)
+    _, _, err = told(capsys, "diagnose", folder, "--out", tmp_path / "out")
+    typed = shlex.split(re.search(r"Type: softnn (.*)", err)[1])
+    assert [w for w in typed if w.partition("=")[0].endswith("time")] == ["time=min"]
+    # No unit makes usual tests of an impact and of a test of a week: it is asked for.
+    for name, lasts in (("slow", 6e5), ("fast", 1e-3)):
+        clock = TIME / TIME[-1] * lasts
+        written(folder / f"{name}.csv", "time,strain,stress", clock, STRAIN, STRESS)
+    _, _, err = told(capsys, "diagnose", folder, "--out", tmp_path / "out")
+    typed = shlex.split(re.search(r"Type: softnn (.*)", err)[1])
+    assert [w for w in typed if w.partition("=")[0].endswith("time")] == ["time=UNIT"]
+
+
+def test_read_ends_with_2_where_a_folder_holds_no_recording(lab, tmp_path, capsys):
+    empty = tmp_path / "empty"
+    for name, content in {"a.csv": b"", "b.csv": b"\x89PNG\x00\x01" * 99}.items():
+        empty.mkdir(exist_ok=True)
+        (empty / name).write_bytes(content)
+    assert told(capsys, "read", empty)[0] == 2
+    assert told(capsys, "read", lab, *WORDS)[0] == 0  # notes beside recordings
+    assert told(capsys, "read", lab, empty, *WORDS)[0] == 2
+
+
+def test_read_takes_sizes_from_the_table_of_the_folder(lab, capsys):
+    (lab / "a (copy).csv").unlink()
+    (lab / "specimens.csv").write_text("file,length_mm,area_mm2\na,25,18\nb,25,9\n")
+    code, out, err = told(capsys, "read", lab)
+    assert (code, out.count("length 25 mm, area")) == (0, 2), err
+    assert "area 9 mm2" in out
+    (lab / "specimens.csv").write_text("file,length_mm,area_mm2\na,25,18\nc,25,9\n")
+    code, _, err = told(capsys, "read", lab)
+    assert code == 2
+    assert "names 'c'" in err
+
+
+def test_read_advises_for_the_file_that_is_wrong_alone(tmp_path, capsys):
+    for name, factor in (("slow", 1), ("fast", 100), ("cycle", 1)):
+        written(tmp_path / f"{name}.csv", TIDY, TIME, factor * STRAIN, STRESS)
+    _, out, _ = told(capsys, "read", tmp_path)
+    assert out.count("odd:") == 1
+    (advised,) = re.findall(r"\(--unit (\S+)\)", out)
+    code, out, _ = told(capsys, "read", tmp_path, "--unit", advised)
+    assert (code, out.count("odd:"), out.count("0 to 0.3983\n")) == (0, 0, 6)
+    written(tmp_path / "fast.csv", TIDY, TIME, STRAIN, 3e4 * STRESS)
+    _, out, _ = told(capsys, "read", tmp_path)
+    assert "If it is right" not in out or "say --as-is to softnn diagnose" in out
+
+
+def test_a_strain_read_in_per_cent_is_not_advised_to_be_in_per_cent(tmp_path, capsys):
+    file = written(tmp_path / "a.csv", TIDY, TIME, 1000 * STRAIN, 2 * STRAIN)
+    _, out, _ = told(capsys, "read", file, "--unit", "strain=%")
+    (advised,) = re.findall(r"\(--unit (\S+)\)", out)
+    code, out, _ = told(capsys, "read", file, "--unit", advised)
+    assert (code, out.count("odd:"), out.count("0 to 0.3983\n")) == (0, 0, 2)
+
+
+def test_read_says_which_units_act_on_nothing(tmp_path, capsys):
+    written(tmp_path / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    for unit in ("Kraft=N", "zzz.csv:strain=%"):
+        code, out, err = told(capsys, "read", tmp_path, "--unit", unit)
+        assert (code, err.count("\n")) == (2, 1)
+        assert unit.partition("=")[0] in err
+        assert "rows" in out  # the file is shown all the same
+
+
+def test_read_tells_of_no_tear_where_the_numbers_are_marks(tmp_path, capsys):
+    load = np.where(np.isin(np.arange(len(TIME)), (60, 61, 62)), -999.0, STRESS)
+    file = written(tmp_path / "a.csv", TIDY, TIME, STRAIN, load)
+    _, out, _ = told(capsys, "read", file)
+    assert "leave them out with --skip-bad-cells" in out
+    assert "torn" not in out
+
+
+@pytest.mark.filterwarnings("error")
+def test_read_tells_of_a_clock_that_stands_without_a_warning(tmp_path, capsys):
+    load = np.where(np.arange(len(TIME)) > 200, 0.0, STRESS)
+    file = written(tmp_path / "a.csv", TIDY, 0 * TIME, STRAIN, load)
+    code, out, err = told(capsys, "read", file)
+    assert (code, err) == (0, "")
+    assert "needs a clock that runs" in out
+
+
+def test_options_that_act_on_nothing_are_told(lab, tmp_path, capsys):
+    def of(folder, **given):
+        return " | ".join(to_case(folder, **given).notes)
+
+    said = of(lab, skip=["note.txt", "*copy*"], **SIZES)
+    assert "--skip note.txt leaves nothing out" in said
+    assert "did you mean 'notes.txt'" in said
+    assert "--skip '*copy*'" not in said
+    assert "--length, --area not used" not in said
+    tidy = tmp_path / "tidy"
+    written(tidy / "a.csv", TIDY, TIME, STRAIN, STRESS)
+    assert "--length, --area not used: the files have strain and stress" in of(
+        tidy, **SIZES
+    )
+    assert "--skip is for folders" in of([tidy / "a.csv"], skip=["b*"])
+    # Beside files of a machine the sizes are used.
+    written(tidy / "b.csv", HEADER, TIME, 0.8 * WAY, 0.8 * LOAD)
+    assert "not used" not in of(tidy, **SIZES)
+    (tidy / "index.csv").write_text("file\na.csv\n")
+    assert "act on nothing here" in of(tidy, **SIZES)
+    assert "act on nothing here" not in of(tidy)
+    for words in (["--refit"], ["--card-unit", "kPa"]):
+        code, _, err = told(capsys, "diagnose", tidy, "--out", tmp_path / "o", *words)
+        assert (code, err.count("\n")) == (2, 1)
+        assert "name one with --model CARD" in err

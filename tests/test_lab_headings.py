@@ -279,3 +279,56 @@ def test_results_beside_the_rows_and_exponents_of_Fortran(tmp_path):
     columns = [[f"{v:.6E}".replace("E", "D") for v in c] for c in (TIME, WAY, LOAD)]
     (one,) = read(written(tmp_path / "a.csv", header, *columns), **SIZES)
     np.testing.assert_allclose(one.stress_MPa, STRESS, atol=1e-6)
+
+
+def test_a_header_that_says_compression_is_believed(tmp_path):
+    head = f"Test type,Compression\n\n{HEADER}"
+    one = read(written(tmp_path / "a.csv", head, TIME, WAY, LOAD), **SIZES)[0]
+    np.testing.assert_allclose(one.strain, -STRAIN, atol=1e-6)
+    np.testing.assert_allclose(one.stress_MPa, -STRESS, atol=1e-6)
+    assert "'Test type' is 'Compression'" in notes(one)
+    # Values that count it as negative, a tension, and what the user says, stay.
+    for kind, sign, more in (("Compression", -1, {}), ("Tension", 1, {}),
+                             ("Compression set", 1, {})):  # fmt: skip
+        head = f"Test type,{kind}\n\n{HEADER}"
+        file = written(tmp_path / "a.csv", head, TIME, sign * WAY, sign * LOAD)
+        (one,) = read(file, **SIZES, **more)
+        np.testing.assert_allclose(one.strain, sign * STRAIN, atol=1e-6)
+        assert "Test type" not in notes(one)
+
+
+IN_CONFLICT = {
+    "area and width": ("Width,6,mm\nThickness,3,mm\nArea,36,mm2\n", {},
+                       "width 6 mm times thickness 3 mm is 18 mm2; 36 mm2"),
+    "area twice": ("Area,18,mm2\nArea,36,mm2\n", {"length_mm": 25.0},
+                   "area is 18, 36 mm2 in the header; the first is used"),
+    "width and diameter": ("", {"width_mm": 6.0, "diameter_mm": 4.8},
+                           "--width is not used: the section is given by --diameter"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", IN_CONFLICT)
+def test_sizes_that_disagree_are_told(case, tmp_path):
+    above, more, said = IN_CONFLICT[case]
+    head = f"Length,25,mm\n{above}\n{HEADER}"
+    (one,) = read(written(tmp_path / "a.csv", head, TIME, WAY, LOAD), **more)
+    assert said in notes(one)
+    close = "Width,6,mm\nThickness,3,mm\nArea,18.2,mm2\nWidth,6.1,mm\n"
+    head = f"Length,25,mm\n{close}\n{HEADER}"
+    (one,) = read(written(tmp_path / "a.csv", head, TIME, WAY, LOAD))
+    assert notes(one) == ""
+
+
+def test_a_column_that_disagrees_with_the_same_made_of_others_is_told(tmp_path):
+    head = "Time (s),Strain (%),Stress (MPa),Load (N),Extension (mm)"
+    columns = TIME, 200 * STRAIN, 2 * STRESS, LOAD, WAY
+    (one,) = read(written(tmp_path / "a.csv", head, *columns), **SIZES)
+    assert "'Stress [MPa]' is 2 times force / area; the latter is used" in notes(one)
+    assert "'Strain [%]' is 2 times travel / length; the latter is used" in notes(one)
+    np.testing.assert_allclose(one.strain, STRAIN, atol=1e-6)
+    sizes = "Length,25,mm\nArea,18,mm2\n\n"
+    (one,) = read(written(tmp_path / "a.csv", sizes + head, *columns))
+    assert "'Stress [MPa]' is 2 times force / area; the column is used" in notes(one)
+    columns = TIME, 100 * STRAIN, STRESS, LOAD, WAY
+    (one,) = read(written(tmp_path / "a.csv", head, *columns), **SIZES)
+    assert notes(one) == ""

@@ -28,6 +28,7 @@ from softnn import readers
 from softnn.contracts import InputError
 from softnn.readers import READERS, ReadOptions, read
 from softnn.readers.source import Sheet, Source
+from softnn.readers.tidy import read_tidy
 from softnn.readers.units import convert, parse_unit
 
 # file, what it does not say itself, dialect, sign of the stress
@@ -342,3 +343,16 @@ def test_temperatures() -> None:
     assert convert(77, "\u00b0F", "temperature", "T") == pytest.approx(25)
     assert convert(298.15, "K", "temperature", "T") == pytest.approx(25)
     assert convert(25, "\u2103", "temperature", "T") == 25
+
+
+def test_a_tidy_csv_is_read_packed_too(tmp_path):
+    text = b"time_s,strain,stress_MPa\n0,0,0\n1,0.1,0.2\n"
+    file = tmp_path / "pull_0.1mm_s.csv.gz"
+    file.write_bytes(gzip.compress(text))
+    (one,) = read(file)
+    assert (one.name, one.stress_MPa.tolist()) == ("pull_0.1mm_s", [0, 0.2])
+    file.write_bytes(gzip.compress(text)[:-12])
+    with pytest.raises(InputError, match="damaged gzip file"):
+        read(file)
+    with pytest.raises(InputError, match="damaged gzip file"):
+        read_tidy(file)

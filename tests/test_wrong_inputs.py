@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from softnn.cli import main
+from softnn.contracts import InputError
 from softnn.mismatch.api import to_case
 from softnn.readers.tidy import read_folder
 
@@ -43,6 +44,20 @@ def wide(factor):
     return factor * STRAIN / STRAIN.max()
 
 
+def holed(values, mark):
+    """The values with a logger's mark in three places."""
+    out = values.copy()
+    out[[50, 100, 150]] = mark
+    return out
+
+
+def blank(values, count):
+    """The values without some in the middle."""
+    out = values.copy()
+    out[60 : 60 + count] = np.nan
+    return out
+
+
 REFUSED = {
     "strain reversed": (text(strain=-STRAIN), "sign reversed"),
     "stress reversed": (text(stress=-STRESS), "sign reversed"),
@@ -63,6 +78,12 @@ REFUSED = {
     "no rows": (HEADER + "\n", "no rows"),
     "an empty file": ("", "empty"),
     "too many cells": (rows(lambda r: [*r[:9], "1,2,3,4", *r[9:]]), "4 values"),
+    "a mark of missing values": (text(stress=holed(STRESS, -999.0)),
+                                 "(rows 52, 102, 152), as loggers write"),
+    "a mark near the values": (text(stress=holed(STRESS, -9.99)), "--skip-bad-cells"),
+    "a mark beyond all sizes": (text(stress=holed(STRESS, 9999.0)),
+                                "(rows 52, 102, 152), as loggers write"),
+    "a mark in the strain": (text(strain=holed(STRAIN, -99.0)), "--skip-bad-cells"),
     "infinite stress": (rows(lambda r: [*r[:9], "0.6,0.1,inf", *r[10:]]), "inf"),
     "not text": (b"\x80\x04\x95pickle\x00\xff", ""),
 }  # fmt: skip
@@ -74,6 +95,10 @@ NOTED = {
     "kPa of a gel": (text(stress=15 * STRESS), "kPa"),
     "milliseconds": (text(time=1e4 * TIME), "ms"),
     "hours": (text(time=TIME / 3600), "3600"),
+    "most of the stress missing": (text(stress=blank(STRESS, 168)),
+                                   "70 % of the stress is missing"),
+    "a block of strain missing": (text(strain=blank(STRAIN, 24)),
+                                  "10 % of the strain is missing"),
     "an offset": (text(stress=STRESS + 7), "offset"),
     "a component wired the other way": (
         text(stress=-30 * STRESS, strain=30 * STRAIN,
@@ -107,6 +132,36 @@ def test_noted_for_the_report(content, said, tmp_path):
     assert to_case([file], as_is=True).notes == ()
 
 
+def test_marks_of_missing_values_are_left_out_as_advised(tmp_path):
+    file = tmp_path / "mine.csv"
+    for mark in (-999.0, -9.99, 9999.0):
+        file.write_text(text(stress=holed(STRESS, mark)))
+        (one,) = to_case([file], skip_bad_cells=True).recordings
+        assert np.flatnonzero(np.isnan(one.stress_MPa)).tolist() == [50, 100, 150]
+    load = holed(18 * STRESS, -99.9)
+    header = "Time (s),Extension (mm),Load (N)"
+    file.write_text(text(strain=33 * STRAIN, stress=load, header=header))
+    sizes = {"length_mm": 33.0, "area_mm2": 18.0}
+    with pytest.raises(InputError, match=r"-5\.55 MPa.*\(at 6\.276 s.*--skip-bad"):
+        to_case([file], **sizes)
+    (one,) = to_case([file], **sizes, skip_bad_cells=True).recordings
+    assert np.isnan(one.stress_MPa).sum() == 3
+
+
+@pytest.mark.parametrize("unit", ["kPa", "Pa", "GPa"])
+def test_a_simulation_in_another_unit_is_asked_about(unit, tmp_path):
+    per_MPa = {"kPa": 1e3, "Pa": 1e6, "GPa": 1e-3}[unit]
+    file = tmp_path / "mine.csv"
+    table = np.column_stack([TIME, STRAIN, STRESS, 0.9 * per_MPa * STRESS])
+    head = f"{HEADER},simulated_MPa"
+    np.savetxt(file, table, delimiter=",", header=head, comments="")
+    with pytest.raises(InputError, match=rf"simulation.*--unit simulated={unit}\b"):
+        to_case([file])
+    assert to_case([file], as_is=True).simulated_MPa is not None
+    (made,) = to_case([file], units={"simulated": unit}).simulated_MPa
+    np.testing.assert_allclose(made, 0.9 * STRESS, rtol=1e-6)
+
+
 def test_a_case_toml_is_told_what_it_may_name(tmp_path, capsys):
     """A stored model is an option of the command, no key of the case."""
     (tmp_path / "recordings").mkdir()
@@ -133,7 +188,6 @@ def test_the_recording_itself_is_neither(tmp_path):
 
 
 def test_studies_have_the_same_gate(tmp_path, capsys):
-    from softnn.contracts import InputError
     from softnn.study.material_data import prepared
     from softnn.study.settings import Settings
 

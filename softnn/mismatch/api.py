@@ -201,6 +201,8 @@ def _read_case(path: Paths, options: ReadOptions, skip: Sequence[str] = ()) -> C
         return read_case(paths[0], options, skip)
     found = read_files(None, paths, options, readers.read)
     found.notes += read_notes(found.recordings)
+    if skip:
+        found.notes.append("--skip is for folders: files that are named are all read")
     one = paths[0]
     name = name_of(one) if len(paths) == 1 else one.resolve().parent.name
     return case_of(found.recordings, name, notes=tuple(found.notes))

@@ -68,6 +68,11 @@ def jobs_of(
         base(
             model, common.get("refit", False), common.get("card_unit")
         )  # refuse a wrong model once, before any case
+    elif common.get("refit") or common.get("card_unit"):
+        raise InputError(
+            "--refit and --card-unit are for material cards; name one with --model "
+            "CARD, or leave them out"
+        )
     paths = [Path(s) for s in sources]
     files = tuple(p for p in paths if p.is_file())
     cases: list[Path | tuple[Path, ...]] = [p for p in paths if p not in files]

@@ -19,10 +19,11 @@ from softnn.fit import Data
 from softnn.metrics import BAND, weights
 from softnn.model_file import HISTORIES
 from softnn.models.bases import BASES
-from softnn.plausible import Advice
+from softnn.plausible import Advice, marks_told
 from softnn.prepare import cut_failure
 from softnn.readers import ReadOptions
-from softnn.readers.folder import Found, files_of, read_files
+from softnn.readers.folder import Found, files_of, read_files, skips_in_vain
+from softnn.readers.options import NO_FORCE, NO_TRAVEL
 from softnn.readers.tidy import read_folder, read_text
 from softnn.recording import Recording
 from softnn.state import turns
@@ -32,7 +33,7 @@ LARGEST_STRAIN = 15.0  # 1500 %: no elastomer here survives more
 LARGEST_STRESS_MPa = 2000.0
 SMALLEST = 1e-9  # of strain, s or MPa: a thousandth of the smallest sensible value
 LONGEST_S = 1e11  # three thousand years
-UNTOLD = ("no force to use", "no displacement to use")  # notes left out
+UNTOLD = (NO_FORCE, NO_TRAVEL)  # notes left out of mixed folders
 BESIDE = 9  # intervals; their median is the usual interval
 FEWEST = 20  # samples in which a failure is looked for
 FALL = 2 / 3  # of the peak, that a specimen loses by failing
@@ -102,8 +103,14 @@ def read_case(
     options = options or ReadOptions()
     if (inner / "index.csv").is_file():
         found = Found(read_folder(inner), _unlisted(inner))
+        if skip or options != ReadOptions():
+            found.notes.append(
+                "index.csv says what is read: --skip, and options for columns and "
+                "sizes, act on nothing here"
+            )
     else:
         files, notes = files_of(inner, skip)
+        notes += skips_in_vain(inner, skip)
         found = read_files(inner, files, options, readers.read, notes)
     found.notes += read_notes(found.recordings)
     specimen = {
@@ -232,6 +239,10 @@ def check_sizes(
     advice = Advice(recording, alone)
     strain = np.nanmax(np.abs(recording.strain))
     known = not recording.axes.component  # a component may have any size
+    stress = np.nanmax(np.abs(recording.stress_MPa))
+    beyond = strain > LARGEST_STRAIN or stress > LARGEST_STRESS_MPa
+    if known and beyond and (marked := marks_told(recording)):
+        raise InputError(marked, file=file)
     if known and strain > LARGEST_STRAIN:
         raise InputError(
             f"strain reaches {strain:.4g}, that is {100 * strain:.4g} %; "
@@ -240,7 +251,6 @@ def check_sizes(
             row=_row(recording, recording.strain),
             column="strain",
         )
-    stress = np.nanmax(np.abs(recording.stress_MPa))
     if known and stress > LARGEST_STRESS_MPa:
         raise InputError(
             f"stress reaches {stress:.4g} MPa; {advice.pascal()}",

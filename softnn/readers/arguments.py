@@ -69,7 +69,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--skip-bad-cells",
         action="store_true",
-        help="cells that are no numbers become missing values",
+        help="cells that are no numbers, or that repeat one far outside all others, "
+        "become missing values",
     )
     for name in ("specimen", "material", "test"):
         group.add_argument(f"--{name}", default="", help=f"{name}, to be recorded")

@@ -23,7 +23,7 @@ from softnn.readers.header import header_number
 from softnn.readers.lacking import Lacking, NoRecording, placed
 from softnn.readers.measures import STRAIN, STRESS, measure
 from softnn.readers.numbers import FEW, MANY, decimal_mark, numbers
-from softnn.readers.options import ReadOptions, Rules, name_of
+from softnn.readers.options import NO_FORCE, NO_TRAVEL, ReadOptions, Rules, name_of
 from softnn.readers.source import Source
 from softnn.readers.table import (
     Table,
@@ -40,7 +40,9 @@ from softnn.readers.vocabulary import (
     COMPRESSIVE,
     DIMENSION,
     HEIGHT,
+    PRESSED,
     REMARK,
+    TEST_KIND,
     plain,
     rank,
 )
@@ -60,6 +62,8 @@ SWEEP = (
     "axial, ramp or relaxation step; export those"
 )
 ROUNDED = "{!r} is rounded, and rows share a time: they are spread evenly"
+DOUBTFUL = 1.4  # where that is told
+EXTENSOMETER = re.compile(r"\b(ave|video|strain \d)\b")
 DISAGREE = 3.0  # a column against force / area or displacement / length
 
 
@@ -249,10 +253,11 @@ class _Assembly(Chosen):
         options, area = self.options, self.geometry.area
         if options.has_area and force is not None and not options.stress:
             assert area is not None
+            self.note_apart(self.beside("stress"), force / area, "force / area", 1)
             return force / area
         stress = self.read("stress")
         if options.has_area and not options.stress:
-            self.notes.append("no force to use the given section on")
+            self.notes.append(NO_FORCE)
         if stress is not None:
             if measure(plain(self.used["stress"]), STRESS):
                 pass  # made nominal once the strain is known
@@ -307,7 +312,11 @@ class _Assembly(Chosen):
         shut = COMPRESSIVE.search(name) or HEIGHT.search(name)
         pressed = COMPRESSIVE.search(self.names.get(pull, ""))
         good = np.isfinite(strain) & np.isfinite(load)
-        if told or bool(shut) == bool(pressed) or good.sum() < 5:
+        if told or good.sum() < 5:
+            return False, False
+        if not shut and not pressed and self.said_pressed(strain[good], load[good]):
+            return True, True
+        if bool(shut) == bool(pressed):
             return False, False
         if not (np.ptp(strain[good]) > 0 and np.ptp(load[good]) > 0):
             return False, False
@@ -319,6 +328,24 @@ class _Assembly(Chosen):
             f"{self.used[named]!r} tells"
         )
         return not shut, bool(shut)
+
+    def said_pressed(self, strain: Array, load: Array) -> bool:
+        """Whether the header says compression, and both axes count it as positive."""
+        entry = next(
+            (
+                e
+                for e in self.table.header
+                if TEST_KIND.search(plain(e.key)) and PRESSED.search(plain(e.value))
+            ),
+            None,
+        )
+        if entry is None or min(strain.sum(), load.sum()) <= 0:
+            return False
+        self.notes.append(
+            f"the header's {entry.key!r} is {entry.value!r}: positive values are taken "
+            "as compression"
+        )
+        return True
 
     def left_out(self, bad: Sequence[tuple[int, str]]) -> None:
         """Rows that fit no column are left out if the user says so, else refused."""
@@ -423,8 +450,10 @@ class _Assembly(Chosen):
             elongation = self.read("displacement")
             if elongation is not None:
                 elongation = self.zeroed(elongation, load, "displacement")
-                return elongation / options.length_mm, elongation
-            self.notes.append("no displacement to use --length on")
+                made = elongation / options.length_mm
+                self.note_apart(self.beside("strain"), made, "travel / length", 1)
+                return made, elongation
+            self.notes.append(NO_TRAVEL)
         strain = self.read("strain")
         if strain is not None:
             other = measure(plain(self.used["strain"]), STRAIN)
@@ -436,9 +465,7 @@ class _Assembly(Chosen):
             elongation = self.optional("displacement")
             length = self.geometry.length_mm
             if elongation is not None and length is not None:
-                extensometer = re.search(
-                    r"\b(ave|video|strain \d)\b", plain(self.used["strain"])
-                )
+                extensometer = EXTENSOMETER.search(plain(self.used["strain"]))
                 self.agree(
                     strain,
                     elongation / length,
@@ -588,6 +615,48 @@ class _Assembly(Chosen):
                 f"the column of {what} is {a / b:.3g} times {how}: a unit or the "
                 f"geometry is wrong. Give the geometry or --unit, or name the column "
                 f"to trust with --{what}"
+            )
+        if allowed == DISAGREE:
+            self.note_apart((self.used[what], column), computed, how, 0)
+
+    def beside(self, role: str) -> tuple[str, Array] | None:
+        """A column of stress or strain that is not used, where it is a clear one."""
+        typed = set(self.typed)
+        try:
+            found = self.find(role)
+            if found is None:
+                return None
+            i, unit = found
+            column = self.table.columns[i]
+            values, _ = numbers(self.table, i, self.decimal, skip_bad=True)
+        except InputError:
+            return None
+        finally:
+            self.typed = typed  # what is not used is no use of a unit
+        if measure(column.plain, STRESS if role == "stress" else STRAIN):
+            return None
+        if EXTENSOMETER.search(column.plain):
+            return None  # it differs from the travel between the grips
+        return str(column), values * unit.factor + unit.offset
+
+    def note_apart(
+        self, column: tuple[str, Array] | None, computed: Array, how: str, used: int
+    ) -> None:
+        """A note where a column and the same made of two others are a factor apart.
+
+        `used`: 0 where the column is, 1 where what was made is.
+        """
+        if column is None:
+            return
+        name, values = column
+        good = np.isfinite(values) & np.isfinite(computed)
+        if good.sum() < 2:
+            return
+        a, b = (float(np.ptp(v[good])) for v in (values, computed))
+        if min(a, b) > 0 and not 1 / DOUBTFUL < a / b < DOUBTFUL:
+            self.notes.append(
+                f"{name!r} is {a / b:.3g} times {how}; the "
+                f"{'latter' if used else 'column'} is used"
             )
 
 

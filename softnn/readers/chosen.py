@@ -13,6 +13,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from softnn.contracts import Array, InputError
+from softnn.plausible import marks
 from softnn.readers.clocks import clock, is_clock, since_an_epoch
 from softnn.readers.columns import Column, split_name
 from softnn.readers.guess import strain_unit
@@ -45,6 +46,7 @@ from softnn.start import start
 SENTINELS = (-999.0, -9999.0, -99999.0, -999.25, 999.0, 9999.0, 99999.0, 999999.0,
              -32768.0, 32767.0, 1e10, -1e10, 1e20, -1e20, 1e30, -1e30)  # fmt: skip
 FAR = 5.0
+APART = 0.2  # of the smaller section, by which two ways to say it are told
 DIFFERS = 0.02  # of the range, by which two columns say different things
 
 
@@ -81,6 +83,8 @@ class Chosen:
         known_geometry = {**self.header.values, **rules.geometry}
         if options.length_mm is None:
             self.notes += self.header.notes
+        if not options.has_area:
+            self.notes += self.header.repeated
         given = {
             f.name: getattr(options, f.name)
             for f in fields(Geometry)
@@ -93,6 +97,17 @@ class Chosen:
             # half a section: the file's own area no longer holds
             known_geometry.pop("area_mm2", None)
         self.geometry = Geometry(**{**known_geometry, **given})
+        try:
+            self.geometry.check("of the header", APART)
+        except InputError as error:
+            told = str(error).replace("leave the wrong one out", "")
+            self.notes.append(f"{told}{self.geometry.area:.4g} mm2 is used")
+        half = [n for n in ("width", "thickness") if f"{n}_mm" in given]
+        if options.has_area and len(half) == 1:
+            self.notes.append(
+                f"--{half[0]} is not used: the section is given by "
+                + ("--area" if options.area_mm2 is not None else "--diameter")
+            )
         # What is given for this file alone comes first.
         self.units = sorted(
             (
@@ -366,6 +381,12 @@ class Chosen:
                     "others, as loggers write where there is no reading: missing"
                 )
                 values = np.where(at, np.nan, values)
+        if self.options.skip_bad_cells and (at := marks(values)).any():
+            self.notes.append(
+                f"{at.sum()} cells of {column.name!r} are {values[at][0]:g}, far off "
+                "all others: missing (--skip-bad-cells)"
+            )
+            values = np.where(at, np.nan, values)
         return values
 
     def note_rivals(self, role: str, used: int, values: Array) -> None:

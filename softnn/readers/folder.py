@@ -27,8 +27,16 @@ from softnn import progress
 from softnn.contracts import InputError, nearest
 from softnn.json_file import write_text
 from softnn.readers.lacking import Lacking, NoRecording, together
-from softnn.readers.options import ReadOptions, is_called
-from softnn.readers.sizes import NAMES, TABLE, called, row_of, specimens, table_of
+from softnn.readers.options import NO_FORCE, NO_TRAVEL, ReadOptions, is_called
+from softnn.readers.sizes import (
+    NAMES,
+    SECTION,
+    TABLE,
+    called,
+    row_of,
+    specimens,
+    table_of,
+)
 from softnn.readers.vocabulary import WHOSE, plain
 from softnn.recording import Recording
 
@@ -95,6 +103,41 @@ def skipped(name: str, skip: Sequence[str]) -> bool:
     return any(fnmatch(name, p) or fnmatch(Path(name).name, p) for p in skip)
 
 
+def skips_in_vain(folder: Path, skip: Sequence[str]) -> list[str]:
+    """A note on each pattern that leaves no file of the folder out."""
+    names = [
+        (Path(place) / name).relative_to(folder).as_posix()
+        for place, _, inner in os.walk(folder)
+        for name in inner
+    ]
+    return [
+        f"--skip {shlex.quote(p)} leaves nothing out: no file here is called so"
+        f"{nearest(p, names)}"
+        for p in skip
+        if not any(skipped(n, [p]) for n in names)
+    ]
+
+
+def sizes_in_vain(options: ReadOptions, recordings: Sequence[Recording]) -> list[str]:
+    """A note on sizes that were given, where no recording is made with them."""
+    told = [" ".join(r.log[0].arguments.get("notes", ())) for r in recordings if r.log]
+    given = [
+        f"--{name.partition('_')[0]}"
+        for name in ("length_mm", *SECTION)
+        if getattr(options, name) is not None
+    ]
+    vain = [
+        option
+        for option in given
+        if all((NO_TRAVEL if option == "--length" else NO_FORCE) in t for t in told)
+    ]
+    if not told or not vain:
+        return []
+    what = "strain" if vain == ["--length"] else "stress"
+    what = "strain and stress" if "--length" in vain and len(vain) > 1 else what
+    return [f"{', '.join(vain)} not used: the files have {what} itself"]
+
+
 def read_files(
     folder: Path | None,
     files: Sequence[Path],
@@ -111,7 +154,6 @@ def read_files(
     sizes = {} if folder is None else specimens(folder)
     found = Found(notes=list(passed))
     lacking, wrong = dict[str, Lacking](), dict[str, InputError]()
-    used: set[str] = set()
     copies = _copies(files)
     progress.stage("reading", len(files))
     for file in files:
@@ -120,7 +162,6 @@ def read_files(
             original = _shown(copies[file], folder)
             found.notes.append(f"{shown}: a copy of {original}, left out")
             continue
-        used |= set(called(shown)) & set(sizes)
         row = row_of(sizes, shown)
         progress.step(shown)
         progress.piece()
@@ -137,22 +178,29 @@ def read_files(
             wrong[shown] = error
         else:
             found.recordings += recordings
-    unused = sorted(set(sizes) - used)
-    if folder is not None and unused:
-        names = [_shown(f, folder) for f in files]
+    if folder is not None:
+        check_rows(sizes, folder, files)
+    _refuse(wrong, lacking, len(files), folder, bool(found.recordings))
+    if not found.recordings:
+        raise InputError(_none(found.notes), file=folder)
+    check_given(options, found.recordings, files)
+    found.notes += sizes_in_vain(options, found.recordings)
+    _uncopied(found)
+    _unlabelled(found)
+    _named(found)
+    return found
+
+
+def check_rows(sizes: Mapping[str, Any], folder: Path, files: Sequence[Path]) -> None:
+    """Raise `InputError` for a row of the table of sizes that is of no file."""
+    names = [_shown(f, folder) for f in files]
+    unused = sorted(set(sizes) - {c for n in names for c in called(n)})
+    if unused:
         raise InputError(
             f"names {unused[0]!r}{nearest(unused[0], names)}, which is no file here",
             file=table_of(folder),
             column="file",
         )
-    _refuse(wrong, lacking, len(files), folder, bool(found.recordings))
-    if not found.recordings:
-        raise InputError(_none(found.notes), file=folder)
-    check_given(options, found.recordings, files)
-    _uncopied(found)
-    _unlabelled(found)
-    _named(found)
-    return found
 
 
 def check_given(
@@ -236,6 +284,18 @@ def _refuse(
             f"{len(wrong)} of {count} files cannot be read: {told}{more}{also}{leave}",
             file=folder,
         )
+    raise all_lacking(lacking, count, others, folder)
+
+
+def all_lacking(
+    lacking: Mapping[str, Lacking],
+    count: int,
+    others: bool,
+    folder: Path | None = None,
+) -> Lacking:
+    """One request for what files lack, by name; `others`: whether more lack nothing."""
+    if len(lacking) == 1 and not others:
+        return next(iter(lacking.values()))
     whole = together(lacking, others)
     alike = all(
         one.sizes == whole.sizes and one.units == whole.units
@@ -243,7 +303,7 @@ def _refuse(
     )
     names = _some(list(lacking))
     each = "" if alike else f" ({'; '.join(map(_short, lacking.items()))})"
-    raise Lacking(
+    return Lacking(
         whole.sizes,
         whole.units,
         unknown=whole.unknown,

@@ -67,17 +67,29 @@ def time_unit(time: Array, strain: Array | None) -> str:
     >>> time_unit(clock, np.linspace(0, 4.0, 800))
     ''
     """
-    good = np.isfinite(time) if strain is None else np.isfinite(time + strain)
-    if good.sum() < 2 or np.ptp(time[good]) == 0:
-        return ""
-    step = float(np.median(np.abs(np.diff(time[good]))))
-    fits = [u for u, f in UNITS["time"].items() if _within(step * f, STEPS_s)]
-    if strain is not None:
-        rate = fastest(time[good], strain[good])
-        fits = [u for u, f in UNITS["time"].items() if _within(rate / f, RATES_per_s)]
-        if "s" in fits and "ms" in fits and step > STEPS_s[1]:
+    fits = time_units(time, strain)
+    if strain is not None and "s" in fits and "ms" in fits:
+        good = np.isfinite(time + strain)
+        if np.median(np.abs(np.diff(time[good]))) > STEPS_s[1]:
             return ""
     return fits[0] if fits else ""
+
+
+def time_units(time: Array, strain: Array | None) -> list[str]:
+    """The units of a time (n,) that make a usual test of it, the usual one first.
+
+    >>> clock = np.linspace(0, 40 / 60, 200)
+    >>> time_units(clock, np.linspace(0, 0.4, 200))
+    ['s', 'min']
+    """
+    good = np.isfinite(time) if strain is None else np.isfinite(time + strain)
+    if good.sum() < 2 or np.ptp(time[good]) == 0:
+        return []
+    if strain is None:
+        step = float(np.median(np.abs(np.diff(time[good]))))
+        return [u for u, f in UNITS["time"].items() if _within(step * f, STEPS_s)]
+    rate = fastest(time[good], strain[good])
+    return [u for u, f in UNITS["time"].items() if _within(rate / f, RATES_per_s)]
 
 
 def _top(values: Array) -> float:

@@ -23,6 +23,7 @@ from softnn.readers.vocabulary import (
 
 SMALLEST_MM, LARGEST_MM = 1e-6, 1e6  # of lengths and, in mm2, of sections
 
+REPEATS = 1.2  # a width measured at three places differs by less
 
 _BARE = re.compile(r"(\D*?[^\s\d=])\s*=?\s*(\d[\d.,]*)\s*(\S+)")  # `Length 40 mm`
 _CUT = re.compile(r"[:=]\s*\d+$|\s0$")
@@ -84,7 +85,8 @@ class Header:
     speeds: tuple[float, ...]
     specimen: str
     material: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # on lengths
+    repeated: tuple[str, ...] = ()  # on sizes of the section
 
     def refuse_unknown(self, words: tuple[str, ...]) -> None:
         """Raise for a geometry line whose unit is not known, when it is needed."""
@@ -101,6 +103,7 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
     """Length, section, speeds and names out of header lines, where they say so."""
     values: dict[str, float] = {}
     unclear: dict[str, Entry] = {}
+    again: dict[str, list[float]] = {}
     speeds: list[float] = []
     main_speeds: list[float] = []
     lengths: list[tuple[int, float, str]] = []
@@ -126,7 +129,13 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
         elif places and unit is None:
             unclear.setdefault("length_mm", entry)
         for name, pattern in GEOMETRY.items():
-            if places or not pattern.search(key) or name in values:
+            if places or not pattern.search(key):
+                continue
+            if name in values:
+                if unit is not None and number > 0 and (
+                    unit.dimension == ("area" if name == "area_mm2" else "length")
+                ):  # fmt: skip
+                    again.setdefault(name, [values[name]]).append(number * unit.factor)
                 continue
             dimension = "area" if name == "area_mm2" else "length"
             if unit is None or unit.dimension != dimension:
@@ -147,8 +156,20 @@ def header_geometry(header: tuple[Entry, ...]) -> Header:
         _, values["length_mm"], key = min(lengths, key=lambda found: found[0])
         if len({length for _, length, _ in lengths}) > 1:
             notes = (f"of {len(lengths)} lengths in the header, {key!r} is used",)
+    repeated: tuple[str, ...] = ()
+    for name, several in again.items():
+        if max(several) > REPEATS * min(several):
+            what, unit_ = name.split("_")
+            told = ", ".join(f"{v:g}" for v in several[:4])
+            repeated += (f"{what} is {told} {unit_} in the header; the first is used",)
     return Header(
-        values, unclear, tuple(main_speeds or speeds), specimen, material, notes
+        values,
+        unclear,
+        tuple(main_speeds or speeds),
+        specimen,
+        material,
+        notes,
+        repeated,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from softnn.contracts import Array, InputError
 from softnn.plausible import spelt
-from softnn.readers.guess import UNITS, strain_unit, stress_unit, time_unit
+from softnn.readers.guess import UNITS, strain_unit, stress_unit, time_unit, time_units
 from softnn.readers.units import known
 from softnn.readers.vocabulary import DIMENSION
 
@@ -42,7 +42,8 @@ class Lacking(InputError):
     `sizes`: "area" or "length" of the specimen, or "time"; `units`: role of each
     column without a known unit, by its name, `FILE:NAME` where it is of one file alone;
     `likely`: the unit that its numbers speak for, "" or absent where they may be
-    either; `have`: the columns that are there.
+    either; `fits`: the units of a time that they do not speak against; `have`: the
+    columns that are there.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class Lacking(InputError):
         *,
         unknown: Mapping[str, str] | None = None,
         likely: Mapping[str, str] | None = None,
+        fits: Mapping[str, list[str]] | None = None,
         values: Mapping[str, Array] | None = None,
         have: str = "",
         said: str = "",
@@ -61,6 +63,7 @@ class Lacking(InputError):
         self.have = have
         self.units, self.unknown = dict(units or {}), dict(unknown or {})
         self.likely, self.values = dict(likely or {}), dict(values or {})
+        self.fits = dict(fits or {})
         super().__init__(said or self._said(), file=file)
 
     def _said(self) -> str:
@@ -116,7 +119,7 @@ class Lacking(InputError):
         `strain` (n,) as a fraction, None where it is not known; `columns`: the columns
         without a unit that are used, by role.
         """
-        likely = {}
+        likely, fits = {}, {}
         if (name := columns.get("strain")) is not None:
             likely[name] = strain_unit(self.values[name])
             if likely[name]:
@@ -124,6 +127,8 @@ class Lacking(InputError):
         for role, judge in (("stress", stress_unit), ("time", time_unit)):
             if (name := columns.get(role)) is not None:
                 likely[name] = judge(self.values[name], strain)
+        if (name := columns.get("time")) is not None:
+            fits[name] = time_units(self.values[name], strain)
         for role in ("force", "displacement", "temperature"):
             if (name := columns.get(role)) is not None:
                 likely[name] = USUAL[role]
@@ -132,9 +137,15 @@ class Lacking(InputError):
             self.units,
             unknown=self.unknown,
             likely=likely,
+            fits=fits,
             values=self.values,
             have=self.have,
         )
+
+    def with_likely(self, likely: Mapping[str, str]) -> Lacking:
+        """The same with other units for those of the columns that it lacks."""
+        more = {c: u for c, u in likely.items() if c in self.units}
+        return self.and_also(Lacking(units={}, likely=more)) if more else self
 
     @property
     def options(self) -> list[str]:
@@ -154,6 +165,7 @@ class Lacking(InputError):
             self.units | other.units,
             unknown=self.unknown | other.unknown,
             likely=self.likely | other.likely,
+            fits=self.fits | other.fits,
             values=self.values | other.values,
             have=self.have or other.have,
         )
@@ -163,9 +175,12 @@ def together(lacking: Mapping[str, Lacking], others: bool) -> Lacking:
     """What several files lack, by file; `others`: whether more files lack nothing.
 
     A unit is asked for by the name of the file where other files have a column of that
-    name in another unit, or with numbers that speak for another.
+    name in another unit, or with numbers that speak for another. Rates differ by more
+    than minutes from seconds: a time has one unit in all files, one that fits each of
+    them, or is left open.
     """
     units: dict[str, str] = {}
+    lacking = {file: one.with_likely(_clocks(lacking)) for file, one in lacking.items()}
     about: Any = {"unknown": {}, "likely": {}, "values": {}}
     for column in dict.fromkeys(c for one in lacking.values() for c in one.units):
         of = {file: one for file, one in lacking.items() if column in one.units}
@@ -187,6 +202,19 @@ def together(lacking: Mapping[str, Lacking], others: bool) -> Lacking:
     )
 
 
+def _clocks(lacking: Mapping[str, Lacking]) -> dict[str, str]:
+    """The unit of each column of time on which the files do not agree, "" if open."""
+    out = {}
+    for column in dict.fromkeys(c for one in lacking.values() for c in one.fits):
+        fits = [one.fits[column] for one in lacking.values() if column in one.fits]
+        likely = {one.likely.get(column, "") for one in lacking.values()
+                  if column in one.fits}  # fmt: skip
+        if len(likely) > 1:
+            shared = [u for u in UNITS["time"] if all(u in f for f in fits)]
+            out[column] = shared[0] if shared else ""
+    return out
+
+
 def placed(error: InputError, file: str | Path) -> InputError:
     """The error, with its kind, as one of this file."""
     if error.file is not None:
@@ -197,6 +225,7 @@ def placed(error: InputError, file: str | Path) -> InputError:
             error.units,
             unknown=error.unknown,
             likely=error.likely,
+            fits=error.fits,
             values=error.values,
             have=error.have,
             said=str(error),

@@ -11,6 +11,9 @@ from pathlib import Path, PurePosixPath
 from softnn.contracts import InputError
 from softnn.recording import Geometry
 
+# Notes where a size was given that a file does not need.
+NO_FORCE = "no force to use the given section on"
+NO_TRAVEL = "no displacement to use --length on"
 _ENDING = re.compile(r"\.[A-Za-z]\w{0,5}")  # `0.1mm` has none, `a.tra` has one
 
 
@@ -27,7 +30,8 @@ class ReadOptions:
     the file counts compression positive. `flip`: "strain" or "stress", if the file has
     its sign reversed; of one file alone, "fast.csv:strain". `zero`: count strain and
     displacement from the start of the recording. `zero_stress`: count force and stress
-    from there. `skip_bad_cells`: cells that are no numbers are missing values.
+    from there. `skip_bad_cells`: cells that are no numbers, or that
+    repeat one far outside all others, are missing values.
     """
 
     length_mm: float | None = None

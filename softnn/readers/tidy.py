@@ -10,10 +10,12 @@ A folder of them may hold an `index.csv` with a row a recording (`file`, and any
 from __future__ import annotations
 
 import csv
+import gzip
 import io
 import math
 import os
 import re
+import zlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,7 @@ import pandas as pd
 
 from softnn.contracts import InputError
 from softnn.json_file import write_text
+from softnn.readers.options import name_of
 from softnn.recording import Recording, check_columns, columns_of
 
 MAX_BYTES = 500_000_000  # 10 million samples; anything larger is not one test
@@ -184,7 +187,7 @@ def read_tidy(path: str | Path, **about: object) -> Recording:
     }
     named = {found[channel]: values for channel, values in columns.items()}
     check_columns(named, str(path), first_row=2)
-    fields: dict[str, Any] = {"name": path.stem, "source": str(path), "axes": axes}
+    fields: dict[str, Any] = {"name": name_of(path), "source": str(path), "axes": axes}
     fields |= about
     return Recording(**columns, **fields)
 
@@ -217,6 +220,15 @@ def read_text(path: Path) -> str:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"over {MAX_BYTES // 10**6} MB; split it", file=path)
         raw = path.read_bytes()
+        if raw.startswith(b"\x1f\x8b"):
+            with gzip.GzipFile(fileobj=io.BytesIO(raw)) as packed:
+                raw = packed.read(MAX_BYTES + 1)
+            if len(raw) > MAX_BYTES:
+                raise InputError(
+                    f"unpacks to over {MAX_BYTES // 10**6} MB; split it", file=path
+                )
+    except (gzip.BadGzipFile, EOFError, zlib.error):
+        raise InputError("damaged gzip file; copy it again", file=path) from None
     except FileNotFoundError:
         raise InputError("no such file", file=path) from None
     except (OSError, ValueError) as error:

@@ -8,7 +8,7 @@ from softnn.axes import axes_of
 from softnn.contracts import InputError
 from softnn.readers.assemble import ROUNDED, read_source
 from softnn.readers.clocks import spread
-from softnn.readers.options import ReadOptions, Rules
+from softnn.readers.options import NO_FORCE, NO_TRAVEL, ReadOptions, Rules
 from softnn.readers.source import Source, quantity
 from softnn.readers.tidy import read_tidy
 from softnn.readers.vocabulary import WHICH, WHOSE, plain
@@ -41,6 +41,10 @@ def read(source: Source, options: ReadOptions) -> list[Recording]:
     if even is not None:
         recording = replace(recording, time_s=even)
         notes.append(ROUNDED.format("time_s"))
+    if options.has_area:
+        notes.append(NO_FORCE)
+    if options.length_mm is not None:
+        notes.append(NO_TRAVEL)
     arguments = {"dialect": NAME, "columns": columns, "notes": notes}
     return [
         replace(

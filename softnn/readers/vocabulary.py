@@ -164,6 +164,11 @@ COMPRESSIVE = re.compile(
     r"\bcompressi(ve|on)\b|\bdruck(kraft|spannung)\b|\bstauchung\b|\u538b\u7f29"
 )
 
+# A line of a header that says how the specimen is loaded, and what it then says.
+TEST_KIND = re.compile(r"^(test |loading )?(type|mode|kind|direction)( of test)?$"
+                       r"|^test$|^pr\u00fcf(art|richtung)$|^versuchsart$")  # fmt: skip
+PRESSED = re.compile(r"^((uni)?axial )?(compressi(ve|on)|druck)( ?test|versuch)?$")
+
 GEOMETRY = MappingProxyType(
     {
         field: re.compile(pattern)
