@@ -13,7 +13,6 @@ is loop.json.
 
 from __future__ import annotations
 
-import itertools
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,6 +24,7 @@ import numpy as np
 from bench.hands import again, drawing, forging
 from bench.hands.families import SIDES
 from bench.recordings.groups import Group, alike, amplitude, discover, holds, rate
+from bench.recordings.promise import in_parts
 from bench.reporting import carried_out, share
 from bench.scoring import Rate
 from softnn.contracts import Array, InputError
@@ -50,7 +50,6 @@ ARMS = ("asked", "random", "repeat", "telltale")
 LEVELS = 8  # corners of a random programme
 NEW = "new"  # name of an added recording
 KINDS = 3  # kinds of programme that a group needs: one to begin with, two to choose
-THIRDS = (1 / 3, 2 / 3)  # promises are compared with what came in three parts
 SMOKE = (3, 100)  # recordings, samples
 
 
@@ -255,24 +254,9 @@ def told(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
                 kind: Rate(sum(r[kind] for r in mine), len(mine)).entry()
                 for kind in ("settled", "right", "wrong")
             }
-    out["promised"] = _promised(open_)
-    return out
-
-
-def _promised(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Promise and outcome of the recording asked for, in thirds of the promise."""
-    known = [r for r in rows if r["promised"]]  # prediction decided
-    order = sorted(known, key=lambda r: r["promised"]["sure"])
-    cuts = [0, *(round(len(order) * t) for t in THIRDS), len(order)]
-    out = []
-    for a, b in itertools.pairwise(cuts):
-        part = [r for r in order[a:b] if "asked" in r["arms"]]
-        if part:
-            came = [r["arms"]["asked"]["settled"] for r in part]
-            promise = float(np.mean([r["promised"]["sure"] for r in part]))
-            out.append(
-                {"promised": promise, "came": Rate(sum(came), len(came)).entry()}
-            )
+    known = [r for r in open_ if r["promised"] and "asked" in r["arms"]]
+    pairs = [(r["promised"]["sure"], r["arms"]["asked"]["settled"]) for r in known]
+    out["promised"] = in_parts(pairs)
     return out
 
 

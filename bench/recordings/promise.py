@@ -29,10 +29,12 @@ def promised(found: Diagnosis, left: Case) -> dict[str, Any]:
     """What is in question, and the promise of the recordings that were left out.
 
     The promise is that of the one with the largest gain, run on as many specimens.
-    Empty if nothing is in question, or if recordings continue one another.
+    Empty if nothing is in question, if softnn promises nothing, or if recordings
+    continue one another.
     """
     among = Alternatives.from_dict(found.result["alternatives"])
-    if len(among.sets) < 2 or not among.open or among.known.continued:
+    asked = len(among.sets) > 1 and among.open and among.promises
+    if not asked or among.known.continued:
         return {}
     data = to_data(left)
     count = min(len(data.chunks), MOST_SPECIMENS)
@@ -58,20 +60,21 @@ def settled(whole: Row, asked: Sequence[str]) -> bool:
 
 
 def promises(rows: Sequence[Row]) -> dict[str, Any]:
-    """Promises and what came of them, in parts of equally many, the smallest first."""
+    """Promises and what came of them: all, and in parts."""
     whole = {(r.set, r.group, r.base): r for r in rows if r.kind == "all"}
     found = []
     for r in rows:
         all_ = whole.get((r.set, r.group, r.base))
         if r.promise and all_ is not None and not all_.error:
             found.append((r.promise["sure"], settled(all_, r.promise["open"])))
-    found.sort()
-    cuts = [round(len(found) * k / PARTS) for k in range(PARTS + 1)]
-    parts = [found[a:b] for a, b in pairwise(cuts) if b > a]
-    return {
-        "all": _share(found),
-        "parts": [_share(part) for part in parts],
-    }
+    return {"all": _share(found), "parts": in_parts(found)}
+
+
+def in_parts(found: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
+    """Promises and whether they came true, in parts of equally many, least first."""
+    order = sorted(found)
+    cuts = [round(len(order) * k / PARTS) for k in range(PARTS + 1)]
+    return [_share(order[a:b]) for a, b in pairwise(cuts) if b > a]
 
 
 def table(told: Mapping[str, Any]) -> tuple[list[str], list[list[str | None]]]:
