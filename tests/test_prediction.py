@@ -77,6 +77,19 @@ def test_many_recordings_are_left_out_several_at_a_time():
     assert sorted(r for f in found for r in f.recordings) == list(range(20))
 
 
+def test_which_of_many_are_left_out_together_does_not_hang_on_their_order():
+    made = engine((CYCLES,) * 20, (0.1,) * 20)
+    rng, together = np.random.default_rng(1), []
+    size = rng.permutation(20) + 1.0
+    for order in (np.arange(20), rng.permutation(20)):
+        data = made.data
+        stress = tuple(size[r] * data.stress_MPa[r] for r in order)
+        other = prediction.alike(Engine(replace(data, stress_MPa=stress)))
+        found = [f for f in prediction.folds(other, []) if f.by == "recording"]
+        together.append({frozenset(size[order[list(f.recordings)]]) for f in found})
+    assert together[0] == together[1]
+
+
 # --- fits without it ------------------------------------------------------------------
 
 

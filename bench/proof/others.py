@@ -82,8 +82,8 @@ def recordings(page: Page, found: Result) -> None:
     if promised and promised["all"]["came"]["of"]:
         page.say(
             "Some recordings are left out, and softnn says how likely recordings of "
-            "their programme settle what is in question. Then they are put back. In "
-            "three parts by that promise, then all together:",
+            "their programme settle the question. Then they are put back. In three "
+            "parts by that promise, then all together:",
             markdown(*promise.table(promised)),
         )
     faults = found.get("faults")

@@ -146,7 +146,7 @@ def plausible(case: Case, as_is: bool = False) -> Case:
 
 
 def _failed(case: Case) -> list[str]:
-    """Return what is told of recordings that are used up to a failure only."""
+    """Return a note on each recording that is used up to a failure only."""
     out, whole = [], mask_gaps(case)
     for one, cut in zip(whole.recordings, mask_failure(whole).recordings, strict=True):
         gone = np.isfinite(one.stress_MPa) & ~np.isfinite(cut.stress_MPa)
